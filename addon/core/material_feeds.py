@@ -172,6 +172,14 @@ DetailFeed: TypeAlias = NormalMapFeed | BumpFeed | ExactFeed
 
 
 @dataclass(frozen=True)
+class CutOut:
+    """Where a material is clear, so that one sees through it: where the feed, a number, is below the threshold."""
+
+    feed: Feed
+    threshold: float = 0.5
+
+
+@dataclass(frozen=True)
 class HighMaterial:
     """A material of the high meshes.
 
@@ -181,6 +189,7 @@ class HighMaterial:
         detail: What moves the normals.
         notes: Sentences about what could not be followed, by socket: "Normal" for `detail`, "" for the whole material.
         key: Tells materials of one name apart.
+        cutout: Where it is clear; None if it is solid.
     """
 
     name: str
@@ -188,3 +197,4 @@ class HighMaterial:
     detail: DetailFeed | None = None
     notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     key: int = 0
+    cutout: CutOut | None = None

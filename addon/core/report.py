@@ -94,6 +94,8 @@ class Report:
     materials: dict[str, dict[str, str]] = _of("materials", default_factory=dict)
     """How the maps read the inputs of the high meshes' materials, by the names of both: "IMPRINT" follows the nodes, "CYCLES"
     evaluated them, and "NONE" left the input out."""
+    cut_outs: list[str] = _of("cut_outs", default_factory=list)
+    """The materials of the high meshes through which rays pass where their alpha is clear."""
     distances: dict[str, float] = _of("plan.rays.distances", default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = _of("plan.rays.is_measured", default=False)
@@ -288,6 +290,11 @@ class Report:
             )
         return lines
 
+    def _seen_through(self) -> list[str]:
+        """The materials that rays pass, for the summary."""
+        names = shorten_list(map(repr, self.cut_outs))
+        return [f"Rays pass {names} where alpha is clear"] if names else []
+
     def _shared(self) -> list[str]:
         """That parts of the low mesh show the detail of others, for the summary."""
         overlap = self.checks.get("overlap", {})
@@ -359,6 +366,7 @@ class Report:
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
         details += [*smooth_sentences(self.smooth_files), *self._mended(), *evaluated(self.materials)]
+        details += self._seen_through()
         if self.rays:
             details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:

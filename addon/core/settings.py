@@ -127,6 +127,8 @@ class TracingSettings:
     """As offset_group. A cage decides the directions alone."""
     facing_only: bool = _field("facing_only")
     keep_faces: bool = _field("keep_faces")
+    cut_outs: bool = _field("cut_outs")
+    """Whether rays pass high meshes where the alpha of their materials is clear."""
     smooth_high: int = _field("smooth_high")
     limit: float | None = _field("limit")
     """None for 5 % of the low mesh's radius."""

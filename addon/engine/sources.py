@@ -14,7 +14,7 @@ from ..core.errors import BakeError
 from ..core.map_types import BY_NAME
 from ..core.progress import SLICE_ROWS, Progress, Task, Timings, costs_of_rows
 from ..core.settings import MapSettings, Run
-from ..mesh import uv_layout
+from ..mesh import cutouts, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import cast, high_in_uv, mesh_upload, samples, target
@@ -84,7 +84,7 @@ def normal_source(plan: Plan, run: Run, *, uploads: mesh_upload.UploadCache | No
     if not plan.casts_rays:
         surface = None
         turns_normals = meshes.turns_normals(run.settings)
-        if run.settings.map.drawn_maps or turns_normals:
+        if run.settings.map.drawn_maps or turns_normals or any(map(cutouts.has_layer, meshes.highs)):
             yield Progress("Reading the surface", 0.0)
             surface = _flat_surface(meshes.highs, run.settings.map, run.timings)
         return Flat(
@@ -136,7 +136,8 @@ class Flat(Source):
         uploads: mesh_upload.UploadCache | None = None,
     ):
         self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
-        self.is_changed_later = is_changed_later
+        self.is_changed_later = is_changed_later or self._is_cut
+        self.to_space = world_to_space(low, map_settings)
         to_world = None if map_settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
         self._in_uv: tuple[gpu.types.GPUBatch, int] | None = None
@@ -161,9 +162,20 @@ class Flat(Source):
         """All rows at once; before, no rows while parts of the meshes are drawn."""
         self._size = band.width, band.height
         into = self.drawn(slot)
+        if self._is_cut:  # what is clear lies below all else: the hits know
+            nowhere = target.get("no points", *self._size, "RGBA32F")
+            target.clear(nowhere)
+            cast.look_up(into, self.hits(band, slot), nowhere, self.surface.tables, self.to_space)
+            yield into.texture, range(band.height)
+            return
         for done in self.batches.draw(into, band):
             row = int(done * band.height)
             yield into.texture, range(0 if done == 1.0 else row, row)
+
+    @property
+    def _is_cut(self) -> bool:
+        """Whether high meshes are clear somewhere."""
+        return self.surface is not None and self.surface.tables.cutouts is not None
 
     def drawn(self, slot: int = 0) -> target.Target:
         make = target.get if self.is_changed_later else target.offscreen
@@ -179,7 +191,7 @@ class Flat(Source):
             with self.timings.timed("upload"):
                 self._in_uv = high_in_uv.upload_for_hits(surface.uv, numbers), len(numbers)
         with self.timings.timed("draw"):
-            high_in_uv.draw_hits(into, *self._in_uv, band.uv_to_clip)
+            high_in_uv.draw_hits(into, *self._in_uv, band.uv_to_clip, self.surface.tables.cutouts)
         return into
 
 
@@ -304,7 +316,8 @@ class FlatAndRays(Rays):
     def _left(self, rays: target.Target, band: Band, some: Active | None = None) -> target.Target:
         size = band.width, band.height
         hits = target.get("flat hits", *size, "RGBA32UI")
-        high_in_uv.draw_hits(hits, *self._in_uv, band.uv_to_clip)
+        clear = self.ray_cast.ray_scene.tables.cutouts
+        high_in_uv.draw_hits(hits, *self._in_uv, band.uv_to_clip, clear, has_clear=False)
         normals, points = target.get("flat normals", *size, "RGBA32F"), target.get("rays left", *size, "RGBA32F")
         tables = self.ray_cast.ray_scene.tables
         cast.look_up(normals, hits, rays, tables, np.eye(3))

@@ -11,10 +11,12 @@ from ..core import threads
 from ..core.errors import BakeError
 from ..core.progress import Timings
 from ..mesh import bvh, edges, shared_values
+from ..mesh import cutouts as of_mesh
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.tiling import Repeat
 from ..mesh.triangle_mesh import Mesh
 from ..passes import allocation, cast, data_texture, rays
+from . import cutouts
 
 BEND = np.cos(np.radians(30.0))
 """The cosine of the angle between two faces from which a hard edge is a feature of the shape. With flat shading, all edges are
@@ -227,7 +229,8 @@ class TreeCache:
 
 def checksums(mesh: Mesh) -> tuple:
     """What tells what rays meet of a mesh from another one."""
-    return mesh.checksums("positions", "vertices", "normals", "triangles", "to_world")
+    of_shape = mesh.checksums("positions", "vertices", "normals", "triangles", "to_world")
+    return *of_shape, *of_mesh.checksums(mesh)
 
 
 trees = TreeCache()
@@ -275,11 +278,13 @@ def _uploaded(
     repeat: Repeat | None = None,
 ) -> RayScene:
     local_space, copies = local_space_of(highs), [] if repeat is None else _copies(highs, repeat)
-    points, vertices, normals, own_normals = _arrays([*highs, *(copy for copy, _ in copies)], local_space)
+    every = [*highs, *(copy for copy, _ in copies)]
+    points, vertices, normals, own_normals = _arrays(every, local_space)
     if like is not None:
         with timings.timed("upload"):
             vertices, own_normals = threads.take(vertices, like.order), own_normals[like.order]
-            tables = cast.upload(like.tables.tree, points, vertices, normals, own_normals)
+            clear = cutouts.records_of(highs, like.order)
+            tables = cast.upload(like.tables.tree, points, vertices, normals, own_normals, clear=clear)
             return RayScene(local_space, tables, like.order)
     if has_tree:
         tree = bvh.build(points, vertices)
@@ -288,7 +293,8 @@ def _uploaded(
     with timings.timed("upload"):
         if has_tree:
             vertices, own_normals = threads.take(vertices, tree.order), own_normals[tree.order]
-        tables, order = cast.upload(tree, points, vertices, normals, own_normals), tree.order
+        clear, order = cutouts.records_of(every, tree.order), tree.order
+        tables = cast.upload(tree, points, vertices, normals, own_normals, clear=clear)
     if copies:
         order = np.concatenate([np.arange(_count(highs)), *(numbers for _, numbers in copies)])[order]
     return RayScene(local_space, tables, order, repeat)

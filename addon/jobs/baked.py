@@ -16,7 +16,7 @@ from ..core.progress import Timings
 from ..core.settings import MapSettings, Settings
 from ..engine import ray_maps
 from ..engine.planning import Plan
-from ..mesh import triangle_mesh
+from ..mesh import cutouts, triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import HIDDEN_MISSES, Stored
@@ -79,6 +79,10 @@ class Baked:
     @property
     def materials(self) -> dict[str, dict[str, str]]:
         return material_inputs.ways(self.meshes, self.settings.map)
+
+    @property
+    def cut_outs(self) -> list[str]:
+        return cutouts.names(self.meshes)
 
     @property
     def maps(self) -> dict[str, dict]:

@@ -13,7 +13,7 @@ from ..core.report import BY_CYCLES, BY_IMPRINT, LEFT_OUT
 from ..core.settings import MapSettings
 from ..mesh.inputs import Meshes
 from ..scene import high_materials, mesh_elements
-from ..scene.materials.material_reading import NORMAL
+from ..scene.materials.material_reading import CUT_OUTS, NORMAL
 
 
 def notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
@@ -21,6 +21,7 @@ def notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
     wanted = _sockets(map_settings)
     sockets = [*wanted, ""] if wanted else []
     sockets += [NORMAL] if map_settings.detail_maps else []
+    sockets += [CUT_OUTS]
     notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
     return list(dict.fromkeys(notes))
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..core import threads
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
+from ..core.material_feeds import Extension
 from .topology import ranges
 from .triangles import unit, unit_normals
 
@@ -63,13 +64,43 @@ class FaceCorners:
 
 MaybeArray: TypeAlias = Any
 """np.ndarray | None. Functions say what a mesh must have; type checkers need not ask at each use."""
-UV_LAYER, ATTRIBUTE, TANGENTS, GENERATED = "UV map", "attribute", "tangents", "generated"
-"""The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), tangents (C, 4) of a UV map, w the sign of the bitangent, and
-generated texture coordinates (C, 3)."""
+UV_LAYER, ATTRIBUTE, TANGENTS, GENERATED, CUTOUT = "UV map", "attribute", "tangents", "generated", "cut-out"
+"""The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), tangents (C, 4) of a UV map, w the sign of the bitangent,
+generated texture coordinates (C, 3), and where the mesh is clear (C, 3), as mesh/cutouts.py has it."""
 
 Made = TypeVar("Made")
 TRIANGLES_AT_ONCE = 2**20
 """Triangles that Mesh.box looks at together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alpha:
+    """An image that says where a mesh is clear.
+
+    Attributes:
+        values: (h, w) float32, row 0 at v = 0. What is below 0 is clear.
+        extension: what is beyond its pixels.
+        outside: the value there, for CLIP.
+        is_smooth: whether pixels are interpolated.
+        of: the core.material_feeds.CutOut, and the UDIM tile or the place in UVs, that it was made of.
+    """
+
+    values: np.ndarray
+    extension: Extension
+    outside: float
+    is_smooth: bool
+    of: tuple
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        height, width = np.shape(self.values)
+        return width, height
+
+    def is_all(self, *, clear: bool) -> bool:
+        """Whether all that it shows is clear, or opaque."""
+        shown = (self.values, self.outside) if self.extension == Extension.CLIP else (self.values,)
+        return all(bool(np.all((np.asarray(values) < 0.0) == clear)) for values in shown)
 
 
 @dataclass(frozen=True)
@@ -90,11 +121,12 @@ class Mesh:
         faces: (T,) int32, the face of each triangle, or None if not read.
         labels: (T, n), numbers that go with each triangle, or None.
         instances: the number of instances joined; 0 for the object's own mesh.
-        layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE, TANGENTS or GENERATED) and name.
+        layers: more values by corner (C, n) float32, by their kind, as UV_LAYER, and name.
         normals_domain: "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions
             alone, "CORNER" if hard edges and flat faces count, too, and empty for the mesh's own normals.
         face_corners: which faces the corners belong to, or None if not read.
         stretch: (3, 3), the scale of the object that normals and tangents already have, see `with_stretch`; or None.
+        alphas: the images of the layer CUTOUT.
     """
 
     name: str
@@ -114,6 +146,7 @@ class Mesh:
     normals_domain: str = ""
     face_corners: FaceCorners | None = None
     stretch: np.ndarray | None = None
+    alphas: "tuple[Alpha, ...]" = ()
     _made: dict[str, tuple] = field(default_factory=dict, init=False, repr=False, compare=False)
     """What was made of this mesh, by name, and of which objects besides."""
 

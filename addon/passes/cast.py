@@ -12,7 +12,7 @@ import numpy as np
 from ..core.declarations.choices import Hit
 from ..core.progress import SLICE_ROWS, Pace, costs_of_rows
 from . import blender_gpu as gpu
-from . import data_texture, samples, shader, target, unfinished
+from . import cutouts, data_texture, samples, shader, target, unfinished
 from .samples import Active
 from .shader import Program
 
@@ -147,6 +147,10 @@ TRACE_LEFT = replace(TRACE, compute="bake/cast_left_comp.glsl")
 """They go on with rays that the others have left unfinished."""
 TRACE_ORDERED = replace(TRACE, compute="bake/cast_ordered_comp.glsl", cost=3.0)
 """It goes on with its own rays."""
+TRACE_FIRST_CUT, TRACE_FIRST_LEFT_CUT = cutouts.cutting(TRACE_FIRST), cutouts.cutting(TRACE_FIRST_LEFT)
+TRACE_CUT, TRACE_LEFT_CUT = cutouts.cutting(TRACE), cutouts.cutting(TRACE_LEFT)
+TRACE_ORDERED_CUT = cutouts.cutting(TRACE_ORDERED)
+"""They let rays through where triangles are clear."""
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/cast_lookup_frag.glsl",
@@ -199,18 +203,25 @@ class Tables:
     """The triangles of the high meshes and their tree on the GPU.
 
     Triangle i has one texel in `triangles`: the numbers of its vertices in `points`, and where its normals are in `normals`, as
-    shaders/lib/triangle_lib.glsl reads them.
+    shaders/lib/triangle_lib.glsl reads them. `cutouts` has where triangles are clear; None if none is.
     """
 
     tree: data_texture.Tree
     triangles: gpu.types.GPUTexture
     points: gpu.types.GPUTexture
     normals: gpu.types.GPUTexture
+    cutouts: cutouts.Cutouts | None = None
+
+    @property
+    def triangle_bindings(self) -> dict:
+        """What a program that looks for hits is bound to, beside the tree and the points."""
+        return self.cutouts.bindings if self.cutouts else {"triangles": self.triangles}
 
     @property
     def bytes(self) -> int:
         """The GPU memory."""
-        return data_texture.size_of(self.tree.nodes, self.triangles, self.points, self.normals)
+        of_cutouts = self.cutouts.bytes if self.cutouts else 0
+        return data_texture.size_of(self.tree.nodes, self.triangles, self.points, self.normals) + of_cutouts
 
 
 @dataclass(frozen=True)
@@ -231,12 +242,13 @@ class Search:
     facing_only: bool
     by_order: bool = False
 
-    @property
-    def program(self) -> Program:
-        """What casts the rays."""
+    def programs(self, *, is_cut: bool) -> tuple[Program, Program]:
+        """What casts the rays, and what goes on with those that it leaves. is_cut: whether triangles may be clear."""
         if self.rule != Hit.OWN:
-            return TRACE_FIRST
-        return TRACE_ORDERED if self.by_order else TRACE
+            return (TRACE_FIRST_CUT, TRACE_FIRST_LEFT_CUT) if is_cut else (TRACE_FIRST, TRACE_FIRST_LEFT)
+        if self.by_order:
+            return (TRACE_ORDERED_CUT if is_cut else TRACE_ORDERED,) * 2
+        return (TRACE_CUT, TRACE_LEFT_CUT) if is_cut else (TRACE, TRACE_LEFT)
 
 
 def upload(
@@ -245,6 +257,8 @@ def upload(
     vertices: np.ndarray,
     normals: np.ndarray,
     own_normals: np.ndarray,
+    *,
+    clear: cutouts.Records | None = None,
 ) -> Tables:
     """Upload a tree (bvh.Tree), unless it is on the GPU already, and its triangles.
 
@@ -252,12 +266,14 @@ def upload(
         vertices: (T, 3) int, indices into points (P, 3) float32, in the tree's order.
         normals: (N, 3) float32, of any length.
         own_normals: (T,) int, where the normals of each triangle are, in the tree's order: as shared_values.joined has it.
+        clear: where triangles are clear, in the tree's order.
     """
     return Tables(
         tree if isinstance(tree, data_texture.Tree) else data_texture.upload_tree(tree),
         data_texture.upload_numbers(vertices, own_normals),
         data_texture.upload(points),
         data_texture.upload(normals),
+        clear and cutouts.upload(clear, vertices, own_normals),
     )
 
 
@@ -279,7 +295,7 @@ def trace_in_slices(
     height = some.rows if some else rays.height
     if covered is None or some:
         covered = np.full(-(-height // SLICE_ROWS), float(SLICE_ROWS * rays.width))
-    program = search.program
+    program, _ = search.programs(is_cut=tables.cutouts is not None)
 
     def draw(rows: range) -> None:
         trace(into, rays, tables, owners, search, rows=rows, some=some)
@@ -329,7 +345,6 @@ def trace(
         blocks = range(rows.start // PACKET_SIDE, -(-rows.stop // PACKET_SIDE))
         target.dispatch(PACKETS, across, blocks, packets=packets.texture, **grid, **limits)
     searched = {
-        "triangles": tables.triangles,
         "points": tables.points,
         "packets": packets.texture,
         "hits": into.texture,
@@ -338,17 +353,16 @@ def trace(
         **samples.active_bindings(some, tree.nodes),
         **grid,
         **limits,
+        **tables.triangle_bindings,
     }
+    program, again = search.programs(is_cut=tables.cutouts is not None)
     if search.rule != Hit.OWN:
         is_nearest = int(search.rule == Hit.NEAREST)
-        unfinished.dispatch(
-            TRACE_FIRST, TRACE_FIRST_LEFT, rays.width, rows, parts=PARTS_FIRST, is_nearest=is_nearest, **searched
-        )
+        unfinished.dispatch(program, again, rays.width, rows, parts=PARTS_FIRST, is_nearest=is_nearest, **searched)
     elif owners is None:
         raise ValueError("the rule OWN needs owners")
     else:
         own = {"normals": tables.normals, "near": owners.room, **owners.bindings}
-        program, again = (TRACE_ORDERED, TRACE_ORDERED) if search.by_order else (TRACE, TRACE_LEFT)
         unfinished.dispatch(program, again, rays.width, rows, parts=PARTS_OWN, **own, **searched)
 
 

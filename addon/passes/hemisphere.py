@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.progress import Pace, costs_of_rows
 from . import blender_gpu as gpu
-from . import cast, shader, target, unfinished
+from . import cast, cutouts, shader, target, unfinished
 from .shader import Program
 
 _SAMPLERS = (("UINT_2D", "hits"),)
@@ -56,6 +56,10 @@ ADD_OPENNESS = Program(
 _SHARED: dict = {"samplers": _SAMPLERS, "texels": _TEXELS, "images": _SUMS, "constants": _CONSTANTS}
 ADD_THICKNESS = Program(compute="hemisphere/thickness_comp.glsl", cost=0.5, **_SHARED)
 ADD_CURVATURE = Program(compute="hemisphere/curvature_comp.glsl", cost=1.0, **_SHARED)
+ADD_OPENNESS_CUT, ADD_THICKNESS_CUT = cutouts.cutting(ADD_OPENNESS), cutouts.cutting(ADD_THICKNESS)
+ADD_CURVATURE_CUT = cutouts.cutting(ADD_CURVATURE)
+_CUT = {ADD_OPENNESS: ADD_OPENNESS_CUT, ADD_THICKNESS: ADD_THICKNESS_CUT, ADD_CURVATURE: ADD_CURVATURE_CUT}
+"""What lets rays through where triangles are clear."""
 MEAN = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="hemisphere/mean_frag.glsl",
@@ -345,6 +349,8 @@ def _add(
     angle to the axis. free: the number in `grid_origin`.
     """
     surface, lattice, numbers, tree = rays.surface, rays.lattice, rays.numbers, occluders.tree
+    if occluders.cutouts is not None:
+        program = _CUT[program]
     unfinished.dispatch(
         program,
         program,
@@ -356,7 +362,6 @@ def _add(
         surface_points=surface.points,
         surface_normals=surface.normals,
         nodes=tree.nodes,
-        triangles=occluders.triangles,
         points=occluders.points,
         sums=sums.texture,
         grid_origin=(*tree.origin, free),
@@ -365,6 +370,7 @@ def _add(
         cell=lattice.cell,
         numbers=(numbers.start, len(numbers), numbers.step, rays.first_row % SHIFTS * 2 + rays.is_first),
         first_leaf=tree.first_leaf,
+        **occluders.triangle_bindings,
         **bindings,
     )
 

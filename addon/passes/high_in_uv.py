@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from ..core import progress
 from ..core.udim import UvToClip
 from . import blender_gpu as gpu
-from . import cast, data_texture, mesh_upload, samples, shader, target
+from . import cast, cutouts, data_texture, mesh_upload, samples, shader, target
 from .cast import Owners
 from .samples import Active
 from .shader import Program
@@ -82,6 +84,8 @@ HITS = Program(
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("UVEC4", "hit_out"),),
 )
+HITS_CUT = cutouts.cutting(replace(HITS, samplers=(("FLOAT_2D", "triangles"),)))
+"""Only where triangles are not clear."""
 NO_HITS = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/no_hits_frag.glsl",
@@ -105,15 +109,27 @@ def upload_for_hits(uv: np.ndarray, numbers: np.ndarray) -> gpu.types.GPUBatch:
     return mesh_upload.upload(corners, uv=uv)
 
 
-def draw_hits(into: target.Target, meshes: gpu.types.GPUBatch, count: int, uv_to_clip: UvToClip) -> None:
+def draw_hits(
+    into: target.Target,
+    meshes: gpu.types.GPUBatch,
+    count: int,
+    uv_to_clip: UvToClip,
+    clear: cutouts.Cutouts | None = None,
+    *,
+    has_clear: bool = True,
+) -> None:
     """Write the hits into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads them, with a height of 0.
 
-    meshes: of `count` triangles, from upload_for_hits. Where triangles overlap, the later one stays.
+    meshes: of `count` triangles, from upload_for_hits. Where triangles overlap, the later one stays, but what is clear by
+    `clear` lies below all else. has_clear: whether it is drawn at all.
     """
     target.fill(into, NO_HITS)  # clearing writes floats
     pieces = progress.pieces(count, TRIANGLE)
-    for piece in pieces:
-        target.draw(into, HITS, meshes, clear=False, parts=[(piece.start, len(piece))], uv_to_clip=uv_to_clip)
+    steps = [(HITS, {})] if clear is None or has_clear else []
+    steps += [(HITS_CUT, clear.bindings)] if clear is not None else []
+    for (program, tables), piece in itertools.product(steps, pieces):
+        parts = [(piece.start, len(piece))]
+        target.draw(into, program, meshes, clear=False, parts=parts, uv_to_clip=uv_to_clip, **tables)
         if len(pieces) > 1:
             into.finish()
 

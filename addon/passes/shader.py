@@ -31,6 +31,8 @@ class Program:
     vertex: str = ""
     fragment: str = ""
     compute: str = ""
+    library: str = ""
+    """A library that comes before the fragment or the compute shader, which asks by #ifdef whether it is there."""
     inputs: tuple[Declaration, ...] = ()
     """Attributes of vertices."""
     varyings: tuple[Declaration, ...] = ()
@@ -54,6 +56,11 @@ class Program:
     """How many rays of a bake take as long as a texel, at most, as core.progress counts them; 0 for so few that a GPU draws the
     largest map at once."""
 
+    @property
+    def before(self) -> tuple[str, ...]:
+        """`library`, if there is one."""
+        return (self.library,) if self.library else ()
+
     def all_samplers(self, as_images: bool) -> list[Declaration]:
         """The samplers by slot, including `texels` unless they are images."""
         return [*self.samplers, *(() if as_images else ((kind, name) for _, kind, name in self.texels))]
@@ -69,9 +76,14 @@ def prelude(as_images: bool) -> str:
     return f"#define texel_at(t, p) {at}\n#define texel_size(t) {size}\n#line 1\n"
 
 
-def source(name: str) -> str:
-    """The text of the shader file `name`, with each include resolved once, and #line marks for the compiler."""
-    return "\n".join(_lines(name, set()))
+def source(name: str, *before: str) -> str:
+    """The text of the shader file `name`, with each include resolved once, and #line marks for the compiler.
+
+    before: the files that come before it.
+    """
+    seen: set[str] = set()
+    lines = [line for file in before for line in (*_lines(file, seen), "#line 1")]
+    return "\n".join([*lines, *_lines(name, seen)])
 
 
 def _lines(name: str, seen: set[str]) -> list[str]:
@@ -133,10 +145,10 @@ def load(program: Program) -> gpu.types.GPUShader:
         info.image(slot, texel, kind, name, qualifiers=set(access.split()))
     if program.compute:
         info.local_group_size(*program.group)
-        info.compute_source(prelude(as_images) + source(program.compute))
+        info.compute_source(prelude(as_images) + source(program.compute, *program.before))
     else:
         info.vertex_source(source(program.vertex))
-        info.fragment_source(prelude(as_images) + source(program.fragment))
+        info.fragment_source(prelude(as_images) + source(program.fragment, *program.before))
     with startup.spent("shaders"):
         compiled = gpu.shader.create_from_info(info)
     # Blender identifies the bound shader by its address. A shader freed while it was bound may have had this address: then

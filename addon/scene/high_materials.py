@@ -67,6 +67,8 @@ def _needed(materials: Iterable[HighMaterial], map_settings: MapSettings) -> dic
             needed |= dict.fromkeys(_of_feed(material.feeds.get(map_type.socket)))
         if map_settings.detail_maps and material.detail is not None:
             needed |= dict.fromkeys(_of_detail(material.detail))
+        if material.cutout is not None:
+            needed |= dict.fromkeys(_of_feed(material.cutout.feed))
     return needed
 
 

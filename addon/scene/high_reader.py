@@ -19,7 +19,7 @@ from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
 from . import mesh_reader, mesh_writer, object_checks, part_ids
 from .high_materials import MaterialNumbers, Shown, read_layers
-from .materials.material_reading import NORMAL
+from .materials.material_reading import CUT_OUTS, NORMAL
 from .textures import ImageTextures
 
 MOST = 200_000_000
@@ -67,6 +67,8 @@ class Reader:
         sockets = {BY_NAME[name].socket for name in self.settings.map.drawn_maps} - {""}
         if self.settings.map.detail_maps:
             sockets.add(NORMAL)
+        if self.settings.tracing.cut_outs:
+            sockets.add(CUT_OUTS)
         self.materials = MaterialNumbers(
             ImageTextures(),
             self.low.evaluated_get(self.depsgraph),
@@ -140,9 +142,9 @@ class Reader:
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         slots = self.materials.of_slots(obj, data)
         has_labels = bool(self.settings.map.drawn_maps) or self.settings.map.texture_sets
-        if has_labels or self.settings.map.detail_maps:
+        if has_labels or self.settings.map.detail_maps or self.settings.tracing.cut_outs:
             shown = [self.materials.read(material) for material in slots]
-            has_labels = has_labels or any(material.detail is not None for material in shown)
+            has_labels = has_labels or any(material.detail or material.cutout for material in shown)
         known, mesh = self.known.get(number), None
         if known is not None and known.name == name and not known.instances:
             mesh = read_moved(data, layer, known, to_world, with_faces=has_labels)

@@ -13,8 +13,9 @@ from mathutils import Matrix
 
 from ..core.declarations.choices import Method, Modifiers, Occluders, Space
 from ..core.errors import LENGTH_DIGITS, BakeError, Incomplete, Length, plain_length, shorten_list
+from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings, TracingSettings
-from ..mesh import triangle_mesh
+from ..mesh import cutouts, triangle_mesh
 from ..mesh.edges import is_without_area
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
@@ -76,18 +77,22 @@ def read(
     if lacks and must_be_whole:
         raise Incomplete(" ".join(lacks))
 
+    of_others: list[HighMaterial] = []
+
     def work(depsgraph: bpy.types.Depsgraph) -> Meshes:
         meshes = _read(depsgraph, low, highs, cage, settings)
         if texture_set is not None:
             meshes = high_materials.restricted(meshes, texture_set)
         if not others:
             return meshes
-        # Rays only meet them: they need neither UVs nor materials.
-        plain = settings.of_shapes()
-        reader = Reader(depsgraph, low, "", plain)
+        # Rays only meet them: they need neither UVs nor materials, but for where they are clear.
+        reader = Reader(depsgraph, low, "", settings.of_shapes())
         if settings.tracing.occluders == Occluders.SCENE:
-            return replace(meshes, others=list(_those_with_faces(reader, others)))
-        return replace(meshes, others=reader.read(dict(enumerate(others))))
+            read = list(_those_with_faces(reader, others))
+        else:
+            read = reader.read(dict(enumerate(others)))
+        of_others[:] = reader.materials.materials
+        return replace(meshes, others=read)
 
     rest = poses.at_rest(context, low, highs, for_render=for_render) if settings.map.rest_pose else nullcontext()
     listener = complaints.Listener(objects, for_render=for_render)
@@ -104,7 +109,8 @@ def read(
         raise Incomplete(" ".join(lacks))
     if failed is not None:
         raise BakeError(" ".join([str(failed), *lacks])) if lacks else failed
-    return replace(meshes, lacks=lacks)
+    other_highs = cutouts.cut_out(replace(meshes, highs=meshes.others, materials=of_others)).highs
+    return replace(cutouts.cut_out(replace(meshes, lacks=lacks)), others=other_highs)
 
 
 def _those_with_faces(reader: Reader, others: Sequence[bpy.types.Object]) -> Iterator[Mesh]:
@@ -144,7 +150,7 @@ def read_again(
             _check_triangles(meshes.highs)
     if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
-    return meshes
+    return cutouts.cut_out(meshes, before.highs if before else ())
 
 
 def differences(

@@ -55,7 +55,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         row.active = not settings.unlimited
         row.prop(settings, "margin")
         draw_props(column, settings, "unlimited", "mips")
-        draw_props(layout, settings, "stacked", "modifiers", "rest_pose", "keep_faces", "smooth_high")
+        draw_props(layout, settings, "stacked", "modifiers", "rest_pose", "keep_faces", "cut_outs", "smooth_high")
         column = layout.column(align=True)
         column.prop(settings, "limited")
         if settings.limited:

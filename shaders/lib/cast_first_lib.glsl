@@ -31,16 +31,34 @@ void cast_first()
       walk.node = int(left.x);
       walk.trail = left.yz;
       walk.hit = imageLoad(carried, carried_place(1, CAST_FIRST_PARTS));
+#ifdef CUTOUTS
+      cutout_is_solid = left.w != 0u;
+#endif
     }
-    search_hit(texel, below.xyz + away.xyz * start, -away.xyz, 0.0, is_nearest != 0 ? start : 0.0,
-               min(max_t, start + inside), facing_only != 0, carried_stage() != CARRIED_ON, walk, turns);
+    bool is_new = carried_stage() != CARRIED_ON;
+#ifdef CUTOUTS
+    // Once more, with what is clear as solid, if there is nothing else.
+    for (bool has_ended = false; !has_ended;) {
+#endif
+      search_hit(texel, below.xyz + away.xyz * start, -away.xyz, 0.0, is_nearest != 0 ? start : 0.0,
+                 min(max_t, start + inside), facing_only != 0, is_new, walk, turns);
+#ifdef CUTOUTS
+      has_ended = walk.node >= 0 || walk.hit.x != 0u || cutout_is_solid;
+      cutout_is_solid = cutout_is_solid || !has_ended;
+      is_new = true;
+    }
+#endif
     hit = walk.hit;
     hit.w = hit.x == 0u ? 0u : floatBitsToUint(start - uintBitsToFloat(hit.w));
     if (walk.node >= 0) {
       carried_note();
       hit = uvec4(HIT_UNFINISHED, 0u, 0u, 0u);
       if (carried_stage() != CARRIED_ALL) {
-        imageStore(carried, carried_place(0, CAST_FIRST_PARTS), uvec4(uint(walk.node), walk.trail, 0u));
+        uint state = 0u;
+#ifdef CUTOUTS
+        state = uint(cutout_is_solid);
+#endif
+        imageStore(carried, carried_place(0, CAST_FIRST_PARTS), uvec4(uint(walk.node), walk.trail, state));
         imageStore(carried, carried_place(1, CAST_FIRST_PARTS), walk.hit);
       }
     }

@@ -88,7 +88,10 @@ void cast_own()
       uvec4 state = imageLoad(carried, carried_place(4, CAST_PARTS));
       first_task = int(state.x);
       search = int(state.y);
-      is_last = state.z != 0u;
+      is_last = (state.z & 1u) != 0u;
+#ifdef CUTOUTS
+      cutout_is_solid = state.z > 1u;
+#endif
       first = uintBitsToFloat(state.w);
       walk.node = first_task == CAST_SEARCHES ? int(left.x) : -1;
       walk.trail = left.yz;
@@ -111,6 +114,16 @@ void cast_own()
         break;
       }
       uvec4 hit = walk.hit;
+#ifdef CUTOUTS
+      bool is_missed = hit.x == 0u && (is_last || (fallback.x == 0u && facing_only != 0));
+      if (is_missed && !cutout_is_solid) {  // nothing else is there: once more, with what is clear as solid
+        cutout_is_solid = true;
+        is_last = false;
+        first = 0.0;
+        search = -1;
+        continue;
+      }
+#endif
       if (is_last) {
         chosen = hit;
         if (hit.x != 0u) {
@@ -154,8 +167,12 @@ void cast_own()
         imageStore(carried, carried_place(1, CAST_PARTS), walk.hit);
         imageStore(carried, carried_place(2, CAST_PARTS), fallback);
         imageStore(carried, carried_place(3, CAST_PARTS), floatBitsToUint(vec4(asked.closest, asked.best)));
+        uint last = uint(is_last);
+#ifdef CUTOUTS
+        last += cutout_is_solid ? 2u : 0u;
+#endif
         imageStore(carried, carried_place(4, CAST_PARTS),
-                   uvec4(uint(asks ? CAST_ASKS : CAST_SEARCHES), uint(search), uint(is_last), floatBitsToUint(first)));
+                   uvec4(uint(asks ? CAST_ASKS : CAST_SEARCHES), uint(search), last, floatBitsToUint(first)));
       }
     }
   }

@@ -79,10 +79,10 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
   vec4 to = is_new ? farthest : walk.to;
   uvec2 trail = is_new ? uvec2(0u) : walk.trail;
   int node = max(walk.node, 0);
-  while (node >= 0 && turns > 0) {
+  uint found = 0u;
+  int leaf = 0;
+  while ((node >= 0 && turns > 0) || found != 0u) {
     turns -= TURNS_OF_VISIT;
-    uint found = 0u;
-    int leaf = 0;
     // Triangles are tested outside this loop: inside it, lanes that have found triangles would wait for the others.
     while (node >= 0 && found == 0u && turns > 0) {
       turns--;
@@ -98,33 +98,54 @@ vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own
                   reach_crossed(boxes, inverse2, to.z) | reach_crossed(boxes, inverse3, to.w);
       found = tree_step(mask, first_leaf, node, trail, leaf);
     }
-    while (found != 0u) {
-      int triangle = leaf + findLSB(found);
+    int triangle = 0;
+    uint asked = 0u;  // which of the rays meet a triangle that may be clear
+    vec3 across = vec3(0.0), for_u = vec3(0.0), for_v = vec3(0.0);
+    vec4 before = vec4(0.0);
+    while (found != 0u && asked == 0u) {
+      triangle = leaf + findLSB(found);
       found &= found - 1u;
       turns--;
-      ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
+      vec4 texel_of_it = texel_at(triangles, texture_place(triangle));
+      ivec3 vertices = triangle_numbers(texel_of_it);
       TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
       vec3 edge1 = edges.edge1, edge2 = edges.edge2;
       // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997), in the order that leaves most
       // of the work to all four rays together.
       vec3 to_origin = origin - edges.corner;
-      vec3 across = cross(edge2, edge1);
-      vec3 for_u = cross(edge2, to_origin);
-      vec3 for_v = cross(to_origin, edge1);
+      across = cross(edge2, edge1);
+      for_u = cross(edge2, to_origin);
+      for_v = cross(to_origin, edge1);
       float height = dot(edge2, for_v);
       float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
       int met = triangle == own ? 0 : sides;
-      vec4 before = to;
+      before = to;
       to.x = reach_triangle(vec3(x.x, y.x, z.x), across, for_u, for_v, height, lever, met, to.x);
       to.y = reach_triangle(vec3(x.y, y.y, z.y), across, for_u, for_v, height, lever, met, to.y);
       to.z = reach_triangle(vec3(x.z, y.z, z.z), across, for_u, for_v, height, lever, met, to.z);
       to.w = reach_triangle(vec3(x.w, y.w, z.w), across, for_u, for_v, height, lever, met, to.w);
+#ifdef CUTOUTS
+      asked = cutout_may_be(texel_of_it) ? tree_mask(lessThan(to, before)) : 0u;
+#endif
       if (is_any) {
         to = mix(to, vec4(-1.0), lessThan(to, before));
       }
     }
+#ifdef CUTOUTS
+    while (asked != 0u) {  // ray after ray: software would look there for all four each time
+      turns--;
+      bvec4 is_one = equal(ivec4(findLSB(asked)), ivec4(0, 1, 2, 3));
+      vec4 one = vec4(is_one);
+      asked &= asked - 1u;
+      vec3 direction = vec3(dot(one, x), dot(one, y), dot(one, z));
+      vec2 weights = vec2(dot(direction, for_u), dot(direction, for_v)) / dot(direction, across);
+      float is_clear = cutout_hides_nothing(triangle, weights) ? 1.0 : 0.0;
+      to = mix(to, before, greaterThan(one * is_clear, vec4(0.5)));
+    }
+#endif
     if (is_any && max(max(to.x, to.y), max(to.z, to.w)) < 0.0) {
       node = -1;  // all rays are blocked
+      found = 0u;
     }
   }
   walk.node = node;

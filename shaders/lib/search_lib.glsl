@@ -93,7 +93,8 @@ void search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wan
         found = packet_triangles(listed.x);
         leaf = search_leaf(listed.x);
       }
-      ivec3 vertices = triangle_numbers(texel_at(triangles, texture_place(triangle)));
+      vec4 texel_of_it = texel_at(triangles, texture_place(triangle));
+      ivec3 vertices = triangle_numbers(texel_of_it);
       TriangleEdges edges = TRIANGLE_EDGES(points, vertices);
       vec3 edge1 = edges.edge1, edge2 = edges.edge2;
       // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
@@ -108,7 +109,17 @@ void search_hit(ivec2 texel, vec3 origin, vec3 direction, float first, float wan
                              solved.x + solved.y <= 1.0 + slack;
       bool faces = determinant > 0.0 || !facing;
       float between = abs(solved.z - wanted);
-      if (inside_triangle && faces && solved.z >= first && solved.z <= end && between < best) {
+      bool is_nearer = inside_triangle && faces && solved.z >= first && solved.z <= end && between < best;
+#ifdef CUTOUTS
+      turns--;
+      bool asks = is_nearer && cutout_may_be(texel_of_it);
+      while (asks) {  // no branch: software would look there for each triangle
+        turns--;
+        is_nearer = !cutout_hides_nothing(triangle, solved.xy);
+        asks = false;
+      }
+#endif
+      if (is_nearer) {
         best = between;
         from = max(first, wanted - best);
         to = min(end, wanted + best);

@@ -15,6 +15,9 @@ ivec3 triangle_numbers(vec4 texel)
 // The fourth number of a texel.
 int triangle_fourth(vec4 texel)
 {
+#ifdef CUTOUTS
+  texel = cutout_without_mark(texel);
+#endif
   return floatBitsToInt(texel.w) - TRIANGLE_FIRST;
 }
 

@@ -13,7 +13,7 @@ from addon.core.progress import SLICE_ROWS, Pace
 from addon.mesh import bvh, edges
 from addon.passes import cast, hemisphere, shader, target, unfinished
 from tests.passes import test_owned_hits
-from tests.support import lanes, maps, oracle, scenes
+from tests.support import cut_scenes, lanes, maps, oracle, scenes
 from tests.support.hemisphere import (
     Probes,
     cards,
@@ -63,7 +63,8 @@ def turns(monkeypatch, most):
     """In this block, a lane has so many turns in a dispatch."""
     original, cleared = shader.source, shader.load.cache_clear
     with monkeypatch.context() as patch:
-        patch.setattr(shader, "source", lambda name: re.sub(r"(TURNS_MOST =) \d+;", rf"\1 {most};", original(name)))
+        few = rf"\1 {most};"
+        patch.setattr(shader, "source", lambda *names: re.sub(r"(TURNS_MOST =) \d+;", few, original(*names)))
         cleared()
         try:
             yield
@@ -240,6 +241,30 @@ def test_a_bake_is_the_same_wherever_dispatches_end(values, monkeypatch):
     for most in (UNLIMITED, FEW):
         with turns(monkeypatch, most), counted_dispatches(monkeypatch) as stages:
             bakes.append(maps.bake_all_maps(low, high, size=16, method="CAST", **values)[1])
+        assert (unfinished.GO_ON in stages) == (most == FEW)
+    for name, texels in bakes[0].items():
+        assert np.array_equal(texels, bakes[1][name]), name
+        assert texels[..., :3].std() > 0.0
+
+
+@pytest.mark.parametrize("hit", ["OWN", "OUTERMOST"])
+def test_cut_outs_are_the_same_wherever_dispatches_end(hit, monkeypatch):
+    """Also where a ray starts again, since it met nothing but what is clear."""
+    low, card = scenes.planes("low", "card", height=0.05)
+    hair = cut_scenes.hair(by_hand=False)[1]
+    cut_scenes.color_over(card, np.eye(8) * 0.2, extension="EXTEND")
+    bakes = []
+    for most in (UNLIMITED, FEW):
+        with turns(monkeypatch, most), counted_dispatches(monkeypatch) as stages:
+            values = {
+                "maps": ["AO", "HEIGHT"],
+                "rays": 16,
+                "two_sided": True,
+                "hit": hit,
+                "extrusion": 0.6,
+                "max_distance": 0.9,
+            }
+            bakes.append(maps.bake_all_maps(low, hair, card, size=16, method="CAST", **values)[1])
         assert (unfinished.GO_ON in stages) == (most == FEW)
     for name, texels in bakes[0].items():
         assert np.array_equal(texels, bakes[1][name]), name

@@ -52,6 +52,7 @@ SAID = {
     "straight_group": ("--straight-group=turned", "turned"),
     "hit": ("--hit nearest", "NEAREST"),
     "facing_only": ("--facing-only", True),
+    "cut_outs": ("--no-cut-outs", False),
     "missed": ("--missed 1,0,1", (1.0, 0.0, 1.0)),
     "mask": ("--mask", True),
     "normal": ("--no-normal", False),

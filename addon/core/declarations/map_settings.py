@@ -211,6 +211,13 @@ MAP: dict[str, Setting] = {
         tooltip="Take the faces of the high mesh as they are. Otherwise the bake turns over those that point to "
         "the wrong side, and leaves out those that are there twice or hidden behind the surface",
     ),
+    "cut_outs": Switch(
+        label="Cut-Outs",
+        tooltip="Rays pass high meshes where the alpha of their materials is clear: decals, leaves, fences. Off, "
+        "they are solid",
+        default=True,
+        option=Option(word="no-cut-outs", off="Take high meshes as solid where the alpha of their materials is clear"),
+    ),
     "smooth_high": WholeNumber(
         label="Smooth High",
         tooltip="How often the normals of the high mesh are averaged with those around them, against noise. Hard "

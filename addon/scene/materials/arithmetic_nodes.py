@@ -320,9 +320,10 @@ def _cut_off(node: Node, parts: Sequence[Signal]) -> Signal | None:
     varying = [i for i, part in enumerate(parts[:count]) if part.constant is None]
     if len(varying) != 1:
         return None
-    texture = parts[varying[0]].noted(
-        f"the node {title(node)} makes steps of a texture, of which the map has the values"
-    )
+    note = f"the node {title(node)} makes steps of a texture, of which the map has the values"
+    texture = parts[varying[0]]
+    step = 0.5 if count == 1 else float(parts[1 - varying[0]].constant[0])
+    texture = replace(texture, notes=(note, *texture.notes), step=step if texture.step is None else None)
     is_falling = (node.operation == "LESS_THAN" and varying == [0]) or (
         node.operation == "GREATER_THAN" and varying == [1]
     )

@@ -9,7 +9,8 @@ import numpy as np
 from bpy.types import Material, Node
 
 from ... import older_blender
-from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
+from ...core.material_feeds import Constant, CutOut, DetailFeed, Feed, HighMaterial
+from ...mesh.triangle_mesh import UV_LAYER
 from ..textures import ImageTextures
 from . import arithmetic_nodes, texture_nodes
 from .exact_nodes import exact_feed
@@ -251,6 +252,9 @@ READINGS = {**texture_nodes.READINGS, **arithmetic_nodes.READINGS}
 """The functions that evaluate an output, by type of node."""
 NORMAL = "Normal"
 """The socket of `HighMaterial.detail`, and of notes about it."""
+CUT_OUTS = "Cut-Outs"
+"""That of `HighMaterial.cutout`."""
+TRANSMISSION = "Transmission Weight"
 
 
 def read_materials(
@@ -262,8 +266,8 @@ def read_materials(
 ) -> tuple[HighMaterial, ...]:
     """The feeds of each material, in the given order; None stands for faces without a material.
 
-    sockets: those that are wanted, with NORMAL for `detail`; None for all. is_exact: whether Cycles evaluates what other feeds
-    do not express, as far as it can. Some images are loaded only to know their size.
+    sockets: those that are wanted, with NORMAL for `detail` and CUT_OUTS for `cutout`; None for all. is_exact: whether Cycles
+    evaluates what other feeds do not express, as far as it can. Some images are loaded only to know their size.
     Notes name what is left out, by socket. No material and no image raises an error.
     """
     return tuple(_read(material, images, sockets, is_exact) for material in materials)
@@ -297,12 +301,48 @@ def _read(
             feeds[socket] = feed
         if lacking:
             notes[socket] = tuple(_sentence(material, text) for text in lacking)
-    if sockets is not None and NORMAL not in sockets:
-        return HighMaterial(material.name, feeds, None, notes)
-    detail, clauses = _detail(values, material, shader, is_exact=is_exact)
-    if clauses:
-        notes[NORMAL] = tuple(_sentence(material, f"Normal: {clause}") for clause in clauses)
-    return HighMaterial(material.name, feeds, detail, notes)
+    detail = None
+    if sockets is None or NORMAL in sockets:
+        detail, clauses = _detail(values, material, shader, is_exact=is_exact)
+        if clauses:
+            notes[NORMAL] = tuple(_sentence(material, f"Normal: {clause}") for clause in clauses)
+    cutout = None
+    if sockets is None or CUT_OUTS in sockets:
+        cutout, clauses = _cutout(values, material, shader, is_exact=is_exact)
+        if clauses:
+            notes[CUT_OUTS] = tuple(_sentence(material, f"Cut-outs: {clause}") for clause in clauses)
+    return HighMaterial(material.name, feeds, detail, notes, cutout=cutout)
+
+
+def _cutout(
+    values: NodeValues, material: Material, shader: Shader, *, is_exact: bool
+) -> tuple[CutOut | None, tuple[str, ...]]:
+    """Where the material is clear; None for glass, which is solid, and for a constant alpha above 0. And what is left out.
+
+    The threshold is that which nodes compare alpha with, or else a half.
+    """
+    try:
+        if TRANSMISSION in shader.values:
+            glass = _value(values, shader, TRANSMISSION).constant
+            if glass is None or glass.any():
+                return None, ()
+        signal = _value(values, replace(shader, values={ALPHA: 1.0} | shader.values), ALPHA)
+        found = CutOut(signal.feed, 0.5 if signal.step is None else signal.step)
+        # What images lack is said of their colors.
+        lacking = tuple(note for note in signal.notes if "two textures" in note)
+    except (NotFollowedError, NotAffineError) as error:
+        found, lacking = None, (f"it is solid, because {_reason(error, shader)}",)
+    if lacking and is_exact and ALPHA in shader.values:
+        try:
+            feed = exact_feed(values, places_of(shader, ALPHA), material.session_uid, ALPHA)
+        except NotFollowedError as error:
+            return found, _with_reason(lacking, error)
+        if len(feed.layers) == 1 and feed.layers[0][0] == UV_LAYER and not feed.is_of_object:
+            return CutOut(feed), ()
+        lacking = tuple(f"{text}. Cycles evaluates it only where a UV map alone feeds it" for text in lacking)
+    if found is not None and isinstance(found.feed, Constant):
+        return None if found.feed.color[0] > 0.0 else found, lacking
+    return found, lacking
 
 
 def _feed(

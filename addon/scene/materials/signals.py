@@ -42,11 +42,13 @@ class Signal:
     Attributes:
         notes: What `feed` leaves out, as clauses of a sentence.
         range: Within which the numbers of its texture are, as far as that is known.
+        step: The value of `feed` at which nodes make it leap from one end to the other; None if they do not.
     """
 
     feed: Feed
     notes: tuple[str, ...] = ()
     range: tuple[float, float] = (-np.inf, np.inf)
+    step: float | None = None
 
     @property
     def constant(self) -> np.ndarray | None:
@@ -107,6 +109,8 @@ def scaled(signal: Signal, scale: np.ndarray, offset: np.ndarray) -> Signal:
     if not np.any(scale):
         return color(offset).noted(*signal.notes)
     scales, offsets = np.array(signal.feed.scale) * scale, np.array(signal.feed.offset) * scale + offset
+    if signal.step is not None:
+        signal = replace(signal, step=signal.step * float(scale[0]) + float(offset[0]))
     return _with_factors(signal, scales, offsets)
 
 

@@ -57,8 +57,8 @@ def stages_of(name: str, program: Program, as_images: bool) -> list[Stage]:
     reads = prelude(as_images)
     texts = {
         "vertex": source(program.vertex) if program.vertex else "",
-        "fragment": reads + source(program.fragment) if program.fragment else "",
-        "compute": reads + source(program.compute) if program.compute else "",
+        "fragment": reads + source(program.fragment, *program.before) if program.fragment else "",
+        "compute": reads + source(program.compute, *program.before) if program.compute else "",
     }
     return [Stage(f"{name} {kind}", kind, text, program, as_images) for kind, text in texts.items() if text]
 
