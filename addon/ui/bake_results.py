@@ -183,6 +183,9 @@ class IMPRINT_OT_one_material(QuickOperator, bpy.types.Operator):
     bl_label = "Make One Material"
     bl_options = {"REGISTER", "UNDO"}
 
+    low: labeled(
+        StringProperty, "Low", "Name of the low object; empty for the slot or the active object", options={"SKIP_SAVE"}
+    )
     on_copies: labeled(
         BoolProperty, "On Copies", "Copy the objects and hide them: the copies get the material", default=False
     )
@@ -190,13 +193,17 @@ class IMPRINT_OT_one_material(QuickOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if results.of(context) is None:
+        if not results.has_any(context):
             cls.poll_message_set(tooltip("Bake this low object first"))
             return False
         return display.current is None
 
     def apply(self, context: bpy.types.Context) -> str:
-        reports = [results.of(context), *results.beside(context)]
+        low = object_by_name(self.low) if self.low else context.scene.imprint.low or context.active_object
+        own = results.of(context, low)
+        if own is None:
+            raise BakeError(f"{low.name if low else 'No object'!r} was not baked: bake it first.")
+        reports = results.with_image(context, own)
         single_user = context.scene.imprint.single_user
         settings = Settings.of_json(reports[0].settings).stored(single_user=single_user)
         shown = list(map(one_material.Shown.of, reports))

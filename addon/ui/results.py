@@ -67,11 +67,10 @@ def of(context: bpy.types.Context, low: bpy.types.Object | None = None) -> Repor
     return next(iter(all_of(context, low)), None)
 
 
-def beside(context: bpy.types.Context) -> list[Report]:
-    """The reports of other low objects of the scene whose last bake filled the same image as that of the panel's one."""
-    own = of(context)
-    others = (report for _, reports in of_scene(context) for report in reports) if own is not None else ()
-    return [one for one in others if one.image == own.image and one.refs[0] != own.refs[0]]
+def with_image(context: bpy.types.Context, own: Report) -> list[Report]:
+    """The report `own`, and those of other low objects of the scene whose last bake filled the same image."""
+    others = (report for _, reports in of_scene(context) for report in reports)
+    return [own, *(one for one in others if one.image == own.image and one.refs[0] != own.refs[0])]
 
 
 def of_scene(context: bpy.types.Context) -> list[tuple[bpy.types.Object, list[Report]]]:

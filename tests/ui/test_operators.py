@@ -755,3 +755,5 @@ def test_the_examples_of_operators_bake(tmp_path):
     maps = {"rock.exr", "rock_ao.png", "rock_curvature.png", "rock_001.png", "rock_002.png"}
     assert {path.name for path in tmp_path.iterdir()} == {"rock.blend"} | maps
     assert bpy.data.images["rock_low_normal"].size[:] == (32, 32)
+    (slot,) = bpy.data.objects["rock_low"].material_slots
+    assert slot.material["imprint"] == "one material"

@@ -527,6 +527,18 @@ def test_undo_brings_all_materials_back_in_one_step(low, way):
     assert list(bpy.data.objects["lo"].data.materials.keys()) == ["red", "blue"]
 
 
+def test_a_script_names_the_object(low):
+    zoo.plane("other")
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.imprint.one_material(low="lo")
+    bake(maps={"ROUGHNESS"})
+    with pytest.raises(RuntimeError, match="'other' was not baked: bake it first"):
+        bpy.ops.imprint.one_material(low="other")
+    scenes.select(bpy.data.objects["other"])
+    assert bpy.ops.imprint.one_material(low="lo") == {"FINISHED"}
+    assert [slot.material.name for slot in low.material_slots] == ["lo"]
+
+
 def test_the_button_takes_all_objects_of_the_image(low):
     other = zoo.plane("other")
     for obj in (low, other):
