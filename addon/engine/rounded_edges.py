@@ -7,14 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from ..core.errors import BakeError, Length
+from ..core.errors import BakeError, Length, shorten_list
 from ..core.progress import Progress, Task, relay
-from ..core.settings import Run
+from ..core.settings import Run, Settings
 from ..mesh import bvh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import world_box
-from ..mesh.smooth_parts import smooth_parts
+from ..mesh.smooth_parts import SmoothParts, smooth_parts
 from ..mesh.tiling import Repeat
+from ..mesh.triangle_mesh import Mesh
 from ..passes import rounding
 from .high_meshes import HighSurface
 from .map_families import Sample
@@ -58,8 +59,7 @@ def _upload(surface: HighSurface, radius: float) -> rounding.HardEdges | None:
     """The hard edges of a surface, also those of the tiles around it within a radius in scene units; None if it has none."""
     repeat, numbers, ends, beside, parts = surface.ray_scene.repeat, [], [], [], 0
     for high in surface.highs:
-        joined = None if repeat is None else repeat.places(high)
-        found = high.remembered("smooth parts", (joined,), partial(smooth_parts, high, joined))
+        found = _parts_of(high, repeat)
         if found is None:
             numbers.append(np.full(len(high.triangles), parts))
             parts += 1
@@ -77,6 +77,11 @@ def _upload(surface: HighSurface, radius: float) -> rounding.HardEdges | None:
     tree = bvh.build(points.reshape(-1, 3), np.arange(2 * len(points)).reshape(-1, 2)[:, [0, 1, 1]])
     of_hits = np.concatenate(numbers)[surface.ray_scene.order]
     return rounding.upload_hard_edges(tree, points[tree.order], sides[tree.order], of_hits)
+
+
+def _parts_of(high: Mesh, repeat: Repeat | None) -> SmoothParts | None:
+    joined = None if repeat is None else repeat.places(high)
+    return high.remembered("smooth parts", (joined,), partial(smooth_parts, high, joined))
 
 
 def _moves(repeat: Repeat, radius: float) -> np.ndarray:
@@ -98,3 +103,11 @@ def check_radius(meshes: Meshes, radius: float, length: Length) -> None:
             f"Edge Radius is {length(radius)}, more than the high meshes measure from corner to corner, {length(diagonal)}: "
             "set a shorter one."
         )
+
+
+def notes(meshes: Meshes, settings: Settings) -> list[str]:
+    """A sentence if edges are to be rounded and none is hard. meshes: as they were drawn."""
+    if not settings.map.edge_radius or any(_parts_of(high, meshes.repeat) is not None for high in meshes.highs):
+        return []
+    names = shorten_list(repr(high.name) for high in meshes.listed_highs)
+    return [f"Edge Radius rounds nothing: no edge of {names} is hard. Mark edges sharp, or shade faces flat."]

@@ -14,7 +14,7 @@ from ..core.errors import Fix, shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.progress import Timings
 from ..core.settings import MapSettings, Settings
-from ..engine import ray_maps
+from ..engine import ray_maps, rounded_edges
 from ..engine.planning import Plan
 from ..mesh import cutouts, triangle_mesh
 from ..mesh.inputs import Meshes
@@ -115,6 +115,7 @@ class Baked:
             *attribute_notes(meshes, map_settings),
             *material_inputs.bare_notes(meshes, self.request.job.found_highs, map_settings),
             *slope_notes(self.settings),
+            *rounded_edges.notes(self.plan.meshes, self.settings),
             *self.plan.warnings,
         ]
         return severity.remaining(

@@ -108,6 +108,14 @@ def test_what_is_shaded_smooth_stays(method):
     assert np.array_equal(rounded(low, ball, **reach), rounded(low, ball, radius=0.0, **reach))
 
 
+def test_a_high_mesh_without_hard_edges_is_told():
+    low, smooth, hard = bent("lo"), zoo.plane("smooth", smooth=True), bent("hard")
+    for highs, is_told in (([smooth], True), ([smooth, hard], False)):
+        report = scenes.bake(low, *highs, edge_radius=RADIUS)
+        assert any("no edge of 'smooth' is hard" in text for text in report.warnings) == is_told
+    assert not any("Edge Radius" in text for text in scenes.bake(low, smooth).warnings)
+
+
 def test_many_small_triangles_are_as_few_large_ones():
     """So many that no dispatch takes all of those within the radius."""
     few, many = bent("few"), bent("many", n=60)
