@@ -61,15 +61,15 @@ def stored_normals(options: argparse.Namespace) -> StoredNormals:
     return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
 
 
-def settings_faults(options: argparse.Namespace) -> Iterator[str]:
+def settings_problems(options: argparse.Namespace) -> Iterator[str]:
     """What is wrong with the settings, each without a full stop."""
-    faults: list[str] = []
-    for check in (lambda: faults.extend(settings(options).faults()), stored_normals(options).check):
+    problems: list[str] = []
+    for check in (lambda: problems.extend(settings(options).problems()), stored_normals(options).check):
         try:
             check()
         except BakeError as error:
-            faults.append(str(error))
-    yield from (text.rstrip(".") for text in faults)
+            problems.append(str(error))
+    yield from (text.rstrip(".") for text in problems)
 
 
 @functools.cache
@@ -160,9 +160,9 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
             *files,
         ]
     )
-    if options.output and (faults := list(settings_faults(options))):
+    if options.output and (problems := list(settings_problems(options))):
         # What else is a folder, or no file, is found with the other files of a call.
-        yield from [f"{options.output!r} is a folder: name a file"] if os.path.isdir(options.output) else faults
+        yield from [f"{options.output!r} is a folder: name a file"] if os.path.isdir(options.output) else problems
 
 
 def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:

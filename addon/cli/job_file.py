@@ -126,13 +126,13 @@ def read(
     """
     path = Path(name).absolute()
     table = _load(name, path)
-    defaults, sets, faults = _parts(name, table)
+    defaults, sets, problems = _parts(name, table)
     reader = _Reader(path.parent, more, is_untrusted=is_untrusted)
     _, wrong = reader.read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
     defaults = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
-        faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
+        problems.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
     accepted: dict[int, argparse.Namespace] = {}
     of_sets: dict[str, list[int]] = {}
     """The numbers of the sets that have the same mistakes."""
@@ -142,12 +142,12 @@ def read(
             on_progress(number / len(sets))
         try:
             accepted[number] = _options({**defaults, **values}, reader, wrong)
-        except WrongUsage as fault:
-            of_sets.setdefault(str(fault), []).append(number)
-            lines.append(f"{name}, set {number}: {fault}")
-    if faults or lines:
+        except WrongUsage as error:
+            of_sets.setdefault(str(error), []).append(number)
+            lines.append(f"{name}, set {number}: {error}")
+    if problems or lines:
         told = (f"{name}, set{'s' * (len(each) > 1)} {ranges(each)}: {text}" for text, each in of_sets.items())
-        raise WrongJobs("\n".join([*faults, *lines]), [*faults, *told], accepted)
+        raise WrongJobs("\n".join([*problems, *lines]), [*problems, *told], accepted)
     return list(accepted.values())
 
 
@@ -158,9 +158,9 @@ def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argpar
     """
     options, wrong = reader.read(values)
     unread = {*unread, *wrong}
-    faults = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
-    if faults:
-        raise WrongUsage("; ".join(faults))
+    problems = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
+    if problems:
+        raise WrongUsage("; ".join(problems))
     return options
 
 
@@ -212,26 +212,26 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
     """The defaults, the sets, and a line for each other part. Raises WrongJobs if there are no sets to check."""
     if not isinstance(table, dict):
         raise WrongJobs(f"{name}: a table with {SETS!r}, a list of sets, is expected")
-    faults = []
+    problems = []
     for key in table:
         if key.replace("_", "-") in KEYS:
-            faults.append(f"{name}: {key!r} belongs into {DEFAULTS!r} or a set")
+            problems.append(f"{name}: {key!r} belongs into {DEFAULTS!r} or a set")
             continue
         try:
             _check_known(key, (DEFAULTS, SETS))
-        except WrongUsage as fault:
-            faults.append(f"{name}: {fault}")
+        except WrongUsage as error:
+            problems.append(f"{name}: {error}")
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
     if not isinstance(defaults, dict):
-        faults.append(f"{name}: {DEFAULTS!r} must be a table")
+        problems.append(f"{name}: {DEFAULTS!r} must be a table")
         defaults = {}
     if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
-        if SETS in table or not faults:  # otherwise an unknown key may stand for it
-            faults.append(
+        if SETS in table or not problems:  # otherwise an unknown key may stand for it
+            problems.append(
                 f"{name}: {SETS!r} must be a list of sets, and not empty: in TOML each starts with [[{SETS}]]"
             )
-        raise WrongJobs("\n".join(faults))
-    return defaults, sets, faults
+        raise WrongJobs("\n".join(problems))
+    return defaults, sets, problems
 
 
 class _Reader:
@@ -253,8 +253,8 @@ class _Reader:
                 words = self._words(key, value)
                 if value is True or words:  # False and empty lists change nothing
                     given[_name(key)] = _parsed(key, words)
-            except (WrongUsage, argparse.ArgumentTypeError) as fault:
-                wrong[written.replace("_", "-")] = _plain(str(fault))
+            except (WrongUsage, argparse.ArgumentTypeError) as error:
+                wrong[written.replace("_", "-")] = _plain(str(error))
         options = argparse.Namespace()
         options.__dict__ = given | self._over
         return arguments.completed(options), wrong
@@ -266,8 +266,8 @@ class _Reader:
             return words
         try:
             return [word and self._path(word) for word in words]
-        except argparse.ArgumentTypeError as fault:
-            raise WrongUsage(f"{key}: {fault}") from fault
+        except argparse.ArgumentTypeError as error:
+            raise WrongUsage(f"{key}: {error}") from error
 
     def _path(self, word: str) -> str:
         return str(self._folder / option_types.path_in_file(word, is_untrusted=self._is_untrusted))

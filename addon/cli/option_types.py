@@ -32,12 +32,12 @@ LEAST_MEMORY = 1 << 26
 Value = TypeVar("Value")
 
 
-def _read(read: Callable[[str], Value], value: str, fault: str = "") -> Value:
-    """What `read` makes of a word. fault: what the word is if it raises ValueError; else its BakeError says it."""
+def _read(read: Callable[[str], Value], value: str, problem: str = "") -> Value:
+    """What `read` makes of a word. problem: what the word is if it raises ValueError; else its BakeError says it."""
     try:
         return read(value)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{value!r} {fault}") from error
+        raise argparse.ArgumentTypeError(f"{value!r} {problem}") from error
     except BakeError as error:
         raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 
@@ -164,8 +164,8 @@ def tiles(value: str) -> tuple[int, ...]:
 
 def number_or(word: str) -> Callable[[str], int | None]:
     """Reads a whole number, or `word` as None."""
-    fault = f"is neither a whole number nor {word}"
-    return lambda value: None if value.lower() == word else _read(int, value, fault)
+    problem = f"is neither a whole number nor {word}"
+    return lambda value: None if value.lower() == word else _read(int, value, problem)
 
 
 def word_for(value: Any) -> str:

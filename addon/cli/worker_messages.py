@@ -268,7 +268,7 @@ class Turns:
     """What a worker may send next: that it is ready, and for each bake that it has begun, what it finds, and how it ended."""
 
     def __init__(self):
-        self._is_ready = self._has_begun = False
+        self._is_ready = self._has_accepted = False
         self._sent: Counter[type] = Counter()
 
     def check(self, message: Any, plan: Plan | None) -> None:
@@ -277,19 +277,21 @@ class Turns:
             case Ready():
                 is_right, self._is_ready = not self._is_ready, True
             case Accepted():
-                is_right = self._is_ready and plan is not None and not self._has_begun
-                self._has_begun = True
+                is_right = self._is_ready and plan is not None and not self._has_accepted
+                self._has_accepted = True
                 self._sent.clear()
             case Entry():
-                is_right = self._has_begun and plan is not None and message.number == plan.number
+                is_right = self._has_accepted and plan is not None and message.number == plan.number
                 is_right = is_right and message.name == plan.name
                 # A bake that was not stopped would be missing, and no failure either.
                 is_stopped = message.state == State.STOPPED and bool(interruption.code())
                 is_right = is_right and (is_stopped or (message.is_listed and message.state != State.STOPPED))
-                self._has_begun = False
+                self._has_accepted = False
             case _:
                 self._sent[type(message)] += self._size(message)
-                is_right = self._has_begun and self._sent[Line] <= MOST_LINES and self._sent[FilesFound] <= MOST_FOUND
+                is_right = (
+                    self._has_accepted and self._sent[Line] <= MOST_LINES and self._sent[FilesFound] <= MOST_FOUND
+                )
         if not is_right:
             raise WrongMessage("not its turn")
 

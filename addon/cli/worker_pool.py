@@ -96,7 +96,7 @@ class WorkerPool:
         count = queue.count
         needs_all = any(item.plan.options.save_blend or item.plan.options.export for item in queue.left)
         setup = Setup(self._options, needs_all, meter.is_on, self._sandbox.folders if self._sandbox else ())
-        begun, stop_by = 0, math.inf
+        started, stop_by = 0, math.inf
         ended: list[Entry] = []
         """Results that the caller gets once workers have their next bakes."""
         while queue.count or self._returned or self._checks or any(worker.plan for worker in self._workers):
@@ -123,14 +123,14 @@ class WorkerPool:
                 item = queue.next(taken)
                 if item is None:  # others do what is left, or files are still read
                     continue
-                begun += 1
+                started += 1
                 if isinstance(item, Entry):
                     ended.append(item)
                     continue
                 if refusal := self._chains.refusal(item.plan):
                     ended.append(refusal)
                     continue
-                meter.begin(item.plan, f"{begun}/{count} ")
+                meter.begin(item.plan, f"{started}/{count} ")
                 worker.begin(setup, item)
             while ended:
                 yield ended.pop(0)
@@ -167,7 +167,7 @@ class WorkerPool:
         if not all(worker.plan and worker.is_ready for worker in self._workers):
             return False
         late = time.monotonic() - (self._options.timeout or math.inf) / 2
-        return self._has_crashed or any(worker.begun < late for worker in self._workers)
+        return self._has_crashed or any(worker.assigned_at < late for worker in self._workers)
 
     def _free(self) -> list[Worker]:
         """Workers that can begin a bake, so that no more than `count` bake at once. Those that began others come first."""
@@ -201,7 +201,7 @@ class WorkerPool:
                 worker.is_ready, worker.bakes_left = True, message.most_bakes or -1
                 return  # a bake is the answer
             case Accepted():
-                worker.has_begun = worker.is_well = True
+                worker.has_accepted = worker.is_well = True
                 self._sent = self._starts = 0
             case Percent():
                 if meter.is_on:
@@ -272,7 +272,7 @@ class WorkerPool:
                 what = "ends here before it bakes" if worker.is_ready else "does not start here"
                 self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}", what)
             return
-        if not worker.has_begun and self._sent < MOST_SENT - 1:
+        if not worker.has_accepted and self._sent < MOST_SENT - 1:
             self._sent += 1
             if not interruption.code():
                 self._returned.append(worker.assigned)
@@ -303,7 +303,7 @@ class WorkerPool:
             yield from self._handle_exit(worker, worker_process.NO_MESSAGE)
         for worker in [worker for worker in self._workers if worker.plan]:
             seconds, memory = self._options.timeout, self._options.max_memory
-            if seconds and time.monotonic() - worker.begun > seconds:
+            if seconds and time.monotonic() - worker.assigned_at > seconds:
                 yield self._end(worker, f"It took more than {seconds:g} s, the limit.", Cause.TIMEOUT)
             elif memory and (used := worker.memory) > memory:
                 text = f"It took {used / 2**20:,.0f} MiB of memory, more than the limit of {memory / 2**20:,.0f} MiB."
@@ -323,7 +323,7 @@ class WorkerPool:
     def _crashed(self, worker: Worker, error: str, cause: Cause, by: str = "", *, state: State = State.FAILED) -> Entry:
         """A bake has ended its worker, or with it."""
         self._has_crashed = True
-        plan, seconds = worker.plan, time.monotonic() - worker.begun
+        plan, seconds = worker.plan, time.monotonic() - worker.assigned_at
         entry = Entry(plan.number, plan.name, state, error, cause, by, seconds=seconds)
         return self._ended(plan, entry, worker.log)
 

@@ -222,14 +222,14 @@ class Worker:
         """How many bakes it may begin; below 0 for any number."""
         self.assigned: Assignment | None = None
         """Its bake."""
-        self.has_begun = False
+        self.has_accepted = False
         """Whether it has received that."""
         self.is_well = False
         """Whether it has received any bake: one may end after Blender has started, and before that."""
         self.chain = 0
         """The chain of its last bake, whose scene is open in it."""
-        self.begun = 0.0
-        """When its bake began, by time.monotonic."""
+        self.assigned_at = 0.0
+        """When it was given its bake, by time.monotonic."""
         self._log = ""
         """The path of the log of its bake, or ""."""
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
@@ -260,8 +260,8 @@ class Worker:
 
     def begin(self, setup: Setup, assigned: Assignment) -> None:
         """Send it a bake. One whose files are not trusted writes no record."""
-        self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
-        self._log, self.begun = log_path(setup.options.log, assigned.plan), time.monotonic()
+        self.assigned, self.has_accepted, self.chain = assigned, False, assigned.plan.chain
+        self._log, self.assigned_at = log_path(setup.options.log, assigned.plan), time.monotonic()
         self._printed = os.fstat(self._output.fileno()).st_size
         self.answer((setup, replace(assigned, record=None, key=None) if setup.folders else assigned))
 
@@ -305,8 +305,8 @@ class Worker:
         """Whether a process that is not trusted has begun a message and does not end it, or does not begin its bake."""
         if self._sandbox is None:
             return False
-        now, is_waiting = time.monotonic(), self.assigned is not None and not self.has_begun
-        return now - self._receives > LONGEST_SEND or (is_waiting and now - self.begun > LONGEST_BEGIN)
+        now, is_waiting = time.monotonic(), self.assigned is not None and not self.has_accepted
+        return now - self._receives > LONGEST_SEND or (is_waiting and now - self.assigned_at > LONGEST_BEGIN)
 
     def crash_output(self) -> str:
         """What the function `crash_output` says of its bake."""

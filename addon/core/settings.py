@@ -306,10 +306,10 @@ class Settings:
 
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""
-        if fault := next(self.faults(), ""):
-            raise BakeError(fault)
+        if problem := next(self.problems(), ""):
+            raise BakeError(problem)
 
-    def faults(self) -> Iterator[str]:
+    def problems(self) -> Iterator[str]:
         """Why these settings are not valid for any objects, in sentences. Wrong values hide what depends on them."""
         wrong = [text for name, value in self.flat().items() for text in _faults(partial(DECLARED[name].check, value))]
         yield from wrong

@@ -29,7 +29,7 @@ IMPERATIVE = {"bring", "ping", "string", "ring", "embed", "shed", "bias", "alias
 UNFINISHED = re.compile(r"fixup!|squash!|amend!|wip\b", re.IGNORECASE)
 
 
-def faults(message: str) -> Iterator[str]:
+def problems(message: str) -> Iterator[str]:
     """What breaks the rules in a message, without the comments that git writes into it."""
     lines = [line for line in message.splitlines() if not line.startswith("#")]
     subject = lines[0].rstrip() if lines else ""
@@ -66,7 +66,7 @@ def commits(since: str) -> Iterator[tuple[str, bool, str]]:
 def lines_of(since: str) -> Iterator[str]:
     """A line for each commit that breaks a rule."""
     for name, is_merge, message in commits(since):
-        wrong = ["is a merge"] if is_merge else list(faults(message))
+        wrong = ["is a merge"] if is_merge else list(problems(message))
         if wrong:
             yield f"{name} {message.splitlines()[0]}: {'; '.join(wrong)}"
 
@@ -77,7 +77,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--since", default=RULED_SINCE, metavar="REV", help="check the commits after this one")
     options = parser.parse_args(words)
     if options.message:
-        found = [f"The message {fault}." for fault in faults(options.message.read_text(encoding="utf-8"))]
+        found = [f"The message {problem}." for problem in problems(options.message.read_text(encoding="utf-8"))]
     else:
         found = list(lines_of(options.since))
     print("\n".join(found), end="\n" if found else "")

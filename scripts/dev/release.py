@@ -30,7 +30,7 @@ def sections(root: Path = ROOT) -> dict[str, str]:
     return {heading: text.strip() for heading, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
-def faults(tag: str, root: Path = ROOT) -> Iterator[str]:
+def problems(tag: str, root: Path = ROOT) -> Iterator[str]:
     """What keeps a tag from becoming a release, in sentences."""
     version = tag.removeprefix("v")
     if not re.fullmatch(r"v\d+\.\d+\.\d+", tag):
@@ -69,7 +69,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=ROOT / "dist")
     parser.add_argument("--check", action="store_true", help="make no files")
     given = parser.parse_args()
-    wrong = list(faults(given.tag))
+    wrong = list(problems(given.tag))
     for line in wrong:
         print(f"release: {line}", file=sys.stderr)
     if not wrong and not given.check:

@@ -39,7 +39,7 @@ def test_a_file_of_a_high_mesh_becomes_a_file_for_an_engine(folder, capfd):
         ["asset.blend", "ball.blend", "out/ball.glb", "out/ball.png", "out/ball_ao.png", "report.json"]
     )
     whole = json.loads((folder / "report.json").read_text())
-    assert list(json_schema.faults(whole, SCHEMA)) == []
+    assert list(json_schema.errors(whole, SCHEMA)) == []
     (entry,) = whole["bakes"]
     assert (entry["state"], entry["problems"]) == ("done", [])
     (report,) = entry["reports"]

@@ -36,7 +36,7 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         ["hill.blend", "hill.glb", "levels.blend", "maps/Hill_LOD1.png", "maps/Hill_LOD2.png", "report.json"]
     )
     whole = json.loads((folder / "report.json").read_text())
-    assert list(json_schema.faults(whole, SCHEMA)) == []
+    assert list(json_schema.errors(whole, SCHEMA)) == []
     (entry,) = whole["bakes"]
     assert (entry["name"], entry["state"], entry["are"], entry["problems"]) == ("Hill", "done", "levels", [])
     assert [each["what"] for each in entry["files"]] == ["map", "map", "export", "scene"]
@@ -115,7 +115,7 @@ def test_levels_have_so_many_triangles(folder, capfd):
     words = [word for word in CHAIN if word not in ("--distance", "2,4")]
     assert command.run([*words, "--triangles", "50%,60", "--report", "report.json"]) == 0
     whole = json.loads((folder / "report.json").read_text())
-    assert list(json_schema.faults(whole, SCHEMA)) == []
+    assert list(json_schema.errors(whole, SCHEMA)) == []
     found = whole["bakes"][0]["chain"]["levels"]
     assert [level["limit"] for level in found] == [{"triangles": 0.5}, {"triangles": 60}]
     assert [level["triangles"] for level in found] == [pytest.approx(144, abs=2), pytest.approx(60, abs=2)]

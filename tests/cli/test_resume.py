@@ -266,7 +266,7 @@ def whole(tmp_path, monkeypatch):
     def bake(*more):
         assert command.run(["--size", "32", "--limit", "9", "--report", "report.json", *more]) == 0
         found = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
-        assert list(json_schema.faults(found, SCHEMA)) == []
+        assert list(json_schema.errors(found, SCHEMA)) == []
         return found
 
     return bake
@@ -332,7 +332,7 @@ def test_reports_say_when_and_where_they_were_made_and_by_which_call(whole, tmp_
         found = json.loads((tmp_path / name).read_text(encoding="utf-8"))
         assert (found["call"], found["host"], found["code"]) == (words, platform.node(), versions.code())
         assert before <= datetime.fromisoformat(found["started"]) <= datetime.now(UTC)
-        assert list(json_schema.faults(found, SCHEMA)) == []
+        assert list(json_schema.errors(found, SCHEMA)) == []
 
 
 def test_files_have_their_sizes_and_hashes(whole, tmp_path):

@@ -234,8 +234,8 @@ class StandIn:
 
     def __init__(self, messages, fate, sends=(), most=0):
         self.fate, self.assigned, self.answered = fate, None, []
-        self.is_ready = self.is_well = self.has_begun = self.has_ended = self.is_closed = False
-        self.started = self.begun = time.monotonic()
+        self.is_ready = self.is_well = self.has_accepted = self.has_ended = self.is_closed = False
+        self.started = self.assigned_at = time.monotonic()
         self._send = lambda *found: [messages.put((self, each)) for each in found]
         self._send(Gone()) if fate == "dies" else self._send(Ready(most), *sends)
 
@@ -244,7 +244,7 @@ class StandIn:
         return self.assigned and self.assigned.plan
 
     def begin(self, _setup, assigned):
-        self.assigned, self.has_begun, self.begun = assigned, False, time.monotonic()
+        self.assigned, self.has_accepted, self.assigned_at = assigned, False, time.monotonic()
         done = Entry(self.plan.number, self.plan.name)
         busy = [each for each in self.others if each and each.plan and not each.is_closed]
         assert len(busy) <= self.workers
@@ -325,7 +325,7 @@ def test_a_spare_worker_starts_in_the_second_half_of_the_limit(pool):
     """It bakes at once when the other is ended. What that one still sends is ignored."""
     assert pool(2, "hangs", "bakes", timeout=0.6) == states(2, _1="timeout")
     first, spare = pool.made
-    assert 0.3 < spare.started - first.begun < 0.55 < spare.begun - first.begun
+    assert 0.3 < spare.started - first.assigned_at < 0.55 < spare.assigned_at - first.assigned_at
     pool(1, "hangs", "bakes", timeout=0.2)
     assert len(pool.made) == 1  # nothing is left for one
     pool(2, "bakes", timeout=0.6)

@@ -63,7 +63,7 @@ def test_merges_are_named(repository, capsys):
 
 
 @pytest.mark.parametrize(
-    ("subject", "fault"),
+    ("subject", "problem"),
     [
         ("mesh, core/levels: have one table of edges", ""),
         ("cli: embed the page", ""),
@@ -81,11 +81,11 @@ def test_merges_are_named(repository, capsys):
         ("", "is not `area: what`"),
     ],
 )
-def test_subjects(tmp_path, capsys, subject, fault):
+def test_subjects(tmp_path, capsys, subject, problem):
     """In a file with git's comments, as the hook commit-msg has it."""
     path = tmp_path / "COMMIT_EDITMSG"
     path.write_text(f"{subject}{BODY}# On branch main\n", encoding="utf-8")
-    assert check(capsys, str(path)) == (int(bool(fault)), [f"The message {fault}."] if fault else [])
+    assert check(capsys, str(path)) == (int(bool(problem)), [f"The message {problem}."] if problem else [])
 
 
 def test_a_body_has_an_empty_line_before_it(tmp_path, capsys):

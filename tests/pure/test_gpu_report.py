@@ -54,7 +54,7 @@ def test_what_is_wrong_comes_first():
 @pytest.mark.parametrize("tests", [(), (EQUAL, WITHIN), (WRONG, LOST)])
 def test_the_schema_describes_the_json(tests):
     found = json.loads(json.dumps(report(*tests).to_dict(), allow_nan=False))
-    assert list(json_schema.faults(found, SCHEMA)) == []
+    assert list(json_schema.errors(found, SCHEMA)) == []
     assert found.keys() == SCHEMA["properties"].keys()
     assert found["machine"].keys() == SCHEMA["properties"]["machine"]["properties"].keys()
     for test in found["driver_checks"] + found["maps"]:
@@ -66,7 +66,7 @@ def test_what_is_no_number_has_a_place_in_json():
     endless = Outcome("Cast: normal", Verdict.WRONG, "", 2304, 2304, math.inf, "degrees")
     found = json.loads(json.dumps(report(endless).to_dict(), allow_nan=False))
     assert found["maps"][0]["worst"] is None
-    assert list(json_schema.faults(found, SCHEMA)) == []
+    assert list(json_schema.errors(found, SCHEMA)) == []
 
 
 def test_a_row_of_the_manual_has_the_columns_of_its_table():

@@ -37,11 +37,11 @@ def change(path, old, new):
 
 
 def test_a_tag_of_the_version_may_become_a_release(checkout):
-    assert list(release.faults("v1.2.0", checkout)) == []
+    assert list(release.problems("v1.2.0", checkout)) == []
 
 
 def test_another_version_may_not(checkout):
-    named = [line.split()[0] for line in release.faults("v1.1.0", checkout)]
+    named = [line.split()[0] for line in release.problems("v1.1.0", checkout)]
     assert named == ["blender_manifest.toml", "pyproject.toml", "CITATION.cff", "CHANGELOG.md"]
 
 
@@ -58,8 +58,8 @@ def test_another_version_may_not(checkout):
 )
 def test_each_difference_is_named(checkout, name, old, new):
     change(checkout / name, old, new)
-    (fault,) = release.faults("v1.2.0", checkout)
-    assert name in fault.replace("date in CITATION.cff", "CITATION.cff")
+    (problem,) = release.problems("v1.2.0", checkout)
+    assert name in problem.replace("date in CITATION.cff", "CITATION.cff")
 
 
 def test_notes_are_the_section_without_links_to_files(checkout):
@@ -71,4 +71,4 @@ def test_notes_are_the_section_without_links_to_files(checkout):
 def test_the_files_of_this_checkout_agree():
     """Between releases, the changelog alone may have more."""
     version = next(heading for heading in release.sections() if heading != "Unreleased").split()[0]
-    assert set(release.faults(f"v{version}")) <= {"CHANGELOG.md has entries that are unreleased."}
+    assert set(release.problems(f"v{version}")) <= {"CHANGELOG.md has entries that are unreleased."}

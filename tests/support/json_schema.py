@@ -17,7 +17,7 @@ IS = {
 }
 
 
-def faults(
+def errors(
     value: Any, schema: dict[str, Any], whole: dict[str, Any] | None = None, at: str = "report"
 ) -> Iterator[str]:
     """What is wrong with a value, with its place. whole: the schema that has the definitions."""
@@ -33,7 +33,7 @@ def _of_type(value, given, _schema, _whole, at):
 
 
 def _any(value, given, _schema, whole, at):
-    found = [list(faults(value, each, whole, at)) for each in given]
+    found = [list(errors(value, each, whole, at)) for each in given]
     if all(found):
         yield from min(found, key=len)
 
@@ -41,7 +41,7 @@ def _any(value, given, _schema, whole, at):
 def _properties(value, given, _schema, whole, at):
     for name, each in given.items():
         if isinstance(value, dict) and name in value:
-            yield from faults(value[name], each, whole, f"{at}.{name}")
+            yield from errors(value[name], each, whole, f"{at}.{name}")
 
 
 def _required(value, given, _schema, _whole, at):
@@ -51,17 +51,17 @@ def _required(value, given, _schema, _whole, at):
 
 def _others(value, given, schema, whole, at):
     for name in set(value) - set(schema.get("properties", ())) if isinstance(value, dict) else ():
-        yield from faults(value[name], given, whole, f"{at}.{name}")
+        yield from errors(value[name], given, whole, f"{at}.{name}")
 
 
 def _items(value, given, _schema, whole, at):
     for number, each in enumerate(value if isinstance(value, list) else ()):
-        yield from faults(each, given, whole, f"{at}[{number}]")
+        yield from errors(each, given, whole, f"{at}[{number}]")
 
 
 def _first_items(value, given, _schema, whole, at):
     for number, (each, schema) in enumerate(zip(value, given, strict=False)):
-        yield from faults(each, schema, whole, f"{at}[{number}]")
+        yield from errors(each, schema, whole, f"{at}[{number}]")
 
 
 def _check(test):
@@ -82,7 +82,7 @@ _KEYWORDS = {
     "additionalProperties": _others,
     "items": _items,
     "prefixItems": _first_items,
-    "$ref": lambda value, given, _schema, whole, at: faults(value, whole["$defs"][given.split("/")[-1]], whole, at),
+    "$ref": lambda value, given, _schema, whole, at: errors(value, whole["$defs"][given.split("/")[-1]], whole, at),
     "const": _check(lambda value, given: value == given),
     "enum": _check(lambda value, given: value in given),
     "pattern": _check(lambda value, given: not isinstance(value, str) or re.search(given, value)),
