@@ -180,14 +180,14 @@ def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> 
         column.prop(settings, "height")
 
 
-MOST_CHECKED = 16
-"""Of several low objects, those whose names and materials are checked at each redraw. The bake checks all."""
+MOST_CHECKED = 4
+"""Of several low objects, those of which more than UV maps is checked at each redraw. The bake checks all."""
 
 
 def problems(context: bpy.types.Context, all_chosen: Sequence[Chosen]) -> dict[bpy.types.Object | None, str]:
     """Why low objects cannot be baked, in sentences."""
     found = {chosen.low: bake_problem(context, chosen) for chosen in all_chosen[:MOST_CHECKED]}
-    for chosen in all_chosen[MOST_CHECKED:]:
+    for chosen in filter(lambda one: object_checks.lacks_uvs(one.low), all_chosen[MOST_CHECKED:]):
         found[chosen.low] = object_checks.problem(context, chosen.low, chosen.highs, chosen.cage, chosen.rays.method)
     return {low: reason for low, reason in found.items() if reason}
 

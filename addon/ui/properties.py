@@ -165,11 +165,13 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
 
     def _called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
         """The high objects of `low` by name."""
+        if low is None or naming.role(low.name, self.suffixes()) != "low":
+            return []
         try:
             pairs, _ = self.pairs_by_name(context)
         except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
             return []
-        highs = next((pair.highs for pair in pairs if low is not None and pair.low == low.name), ())
+        highs = next((pair.highs for pair in pairs if pair.low == low.name), ())
         objects = object_checks.by_name(context.view_layer.objects, low) if highs else {}
         return list(filter(object_checks.may_show, map(objects.get, highs)))
 

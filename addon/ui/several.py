@@ -59,21 +59,29 @@ def _lie_over(objects: Sequence[bpy.types.Object]) -> bool:
     """Whether two of them lie over one another, so that one may be high."""
     if len(objects) < 2:
         return False
-    corners = np.array([_corners(obj) for obj in objects])  # (N, 8, 3)
-    least, most = corners.min(axis=1), corners.max(axis=1)
+    least, most = _boxes(objects)
     diagonal = np.linalg.norm(most - least, axis=1, keepdims=True)
     thin = np.maximum(0.0, FLAT * diagonal - (most - least)) / 2.0
     least, most = least - thin, most + thin
-    grown = REACH * diagonal
+    volumes, reach = np.maximum(_volumes(most - least), 1e-300), REACH * diagonal
     for number in range(len(objects)):  # by rows: a square of hundreds of objects is large
-        shared = np.minimum(most[number] + grown[number], most) - np.maximum(least[number] - grown[number], least)
-        share = shared.clip(0.0).prod(axis=1) / np.maximum((most - least).prod(axis=1), 1e-300)
-        if np.delete(share, number).max() > SHARE:
+        shared = np.minimum(most[number] + reach[number], most) - np.maximum(least[number] - reach[number], least)
+        shares = _volumes(np.maximum(shared, 0.0)) / volumes
+        shares[number] = 0.0
+        if shares.max() > SHARE:
             return True
     return False
 
 
-def _corners(obj: bpy.types.Object) -> np.ndarray:
-    """The corners (8, 3) of its box, in world space."""
-    matrix = np.array(obj.matrix_world)
-    return np.array(obj.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+def _volumes(sides: np.ndarray) -> np.ndarray:
+    return sides[:, 0] * sides[:, 1] * sides[:, 2]
+
+
+def _boxes(objects: Sequence[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the most coordinates (N, 3) of the boxes of objects, in world space."""
+    ends = np.array([[(*box[0],), (*box[6],)] for box in (obj.bound_box for obj in objects)])
+    matrices = np.array([[(*row,) for row in obj.matrix_world] for obj in objects])
+    center, half = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
+    center = np.einsum("nij,nj->ni", matrices[:, :3, :3], center) + matrices[:, :3, 3]
+    half = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
+    return center - half, center + half
