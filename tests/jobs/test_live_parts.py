@@ -87,6 +87,17 @@ CASES = {
 }
 
 
+def test_rounded_edges_are_drawn_as_a_whole(drawn):
+    """Normals around what has moved change with it."""
+    low, high = pair(smooth=False)
+    session = begin(low, high, edge_radius=0.05)
+    for seed in range(2):
+        stroke(high, seed)
+        follow(session, high)
+        assert np.array_equal(session.texels, fresh(session))
+    assert not any(drawn)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_parts_equal_a_new_bake(drawn, name):
     low, high = pair()
