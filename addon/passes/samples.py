@@ -13,6 +13,8 @@ from . import blender_gpu as gpu
 from . import data_texture, target
 from .shader import Program
 
+# All sums of samples have one format and one shader: in Mesa 26.2, zink may give a compute shader the textures of the last
+# drawing, where compute shaders with other numbers of images take turns on one texture.
 ADD = Program(
     compute="bake/accumulate_comp.glsl",
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
@@ -218,7 +220,7 @@ UNLIMITED = 1e30
 EMPTY = 255
 """In place of rounds, as in rounds_frag.glsl and stopped_frag.glsl."""
 ROUND_FORMATS = "R8", "RGBA32F"
-"""Of the target of `draw`."""
+"""Of the target of `draw_rounds`."""
 
 
 def draw_rounds(
@@ -229,7 +231,7 @@ def draw_rounds(
     offset: tuple[float, float],
     limits: Sequence[float],
 ) -> np.ndarray:
-    """Write into `into` (FORMATS) how many rounds each texel takes part in, and its mean or its sum.
+    """Write into `into` (ROUND_FORMATS) how many rounds each texel takes part in, and its mean or its sum.
 
     Returns the rounds (height, width) uint8, EMPTY where both samples found nothing.
 
@@ -239,7 +241,7 @@ def draw_rounds(
     A texel ends with the first round whose limit is not below its bend: the largest second difference, along a row or a column,
     of the means of both samples, or twice what they differ beyond the slope of these means. It takes part in all rounds where
     not all these samples hit: at borders, and where nothing is known yet. So do EMPTY texels, but for those that
-    active.find leaves out.
+    find_active leaves out.
     """
     squared = [(2.0 * math.radians(limit)) ** 2 for limit in limits]  # sums of two samples are compared
     target.fill(
@@ -255,7 +257,7 @@ def draw_rounds(
 
 
 def add_sample(sums: gpu.types.GPUTexture, normals: gpu.types.GPUTexture, some: Active) -> None:
-    """Add one more sample of some texels to their sums, the second texture of `draw`."""
+    """Add one more sample of some texels to their sums, the second texture of `draw_rounds`."""
     target.dispatch(
         ADD_SAMPLE, normals.width, range(some.rows), sums=sums, normals=normals, **active_bindings(some, normals)
     )
