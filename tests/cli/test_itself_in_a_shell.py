@@ -105,7 +105,9 @@ def test_modifiers_come_before_names_as_they_always_did(scene, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "props.blend"))
     bpy.data.objects["crate_low"].modifiers.new("Subdivision", "SUBSURF")
     save(scene)
-    bake("--low", "crate_low", "--output", "m.png")
+    bake("--low", "crate_low", "--output", "m.png", "--report", "report.json")
+    (entry,) = json.loads((scene / "report.json").read_text())["bakes"]
+    assert [report["high"] for report in entry["reports"]] == [["crate_low"]]
     assert "'crate_low' is baked from its own modifiers or UV maps: --high takes 'crate_high' instead." in (
         capsys.readouterr().err
     )

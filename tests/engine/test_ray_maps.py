@@ -12,7 +12,7 @@ import pytest
 from addon.core.progress import Timings
 from addon.core.settings import Settings
 from addon.engine import bands, ray_maps, tree_cache
-from addon.jobs import Job, bake_all
+from addon.jobs import Job, bake_all, bake_jobs
 from addon.mesh.local_space import LocalSpace
 from addon.mesh.triangle_mesh import Mesh
 from tests.support import angles, lanes, layouts, zoo
@@ -159,6 +159,21 @@ def test_what_the_scene_shows_blocks_rays_of_a_mesh_baked_onto_itself(hidden):
         _, maps = bake_all_maps(low, low, maps=["AO"], size=(SIZE, SIZE), occluders=occluders)
         is_open = hidden or occluders == "OWN"
         check(maps["ao"][..., 0][inside], np.ones(inside.sum()) if is_open else truth[inside])
+
+
+def test_low_objects_and_cages_of_a_bake_are_no_occluders():
+    """They are in the place of high ones. One that is its own high object is."""
+    low, high, wall = beside_a_wall()
+    cage, alone = zoo.plane("cage"), zoo.cube("alone")
+    jobs = [Job(low, [high], cage), Job(alone, [alone])]
+    found = {}
+    for choice in ("OWN", "ALL", "SCENE"):
+        tracing = Settings(occluders=choice, storage="MEMORY").tracing
+        refs = [bake_jobs.occluders(bpy.context, job, jobs, tracing) for job in jobs]
+        found[choice] = [{ref.name for ref in each} for each in refs]
+    assert found["OWN"] == [set(), set()]
+    assert found["ALL"] == [{alone.name}, {high.name}]
+    assert found["SCENE"] == [{alone.name, wall.name}, {high.name, wall.name}]
 
 
 def shelf(obj):
