@@ -26,8 +26,8 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 NEAR = 0.02
 """The share of the size within which other faces of the high mesh are as near as the nearest one: at a crease or an edge, or
 where two sides of it are close, the nearest one alone does not tell the side."""
-CRUMB = 0.01
-"""The share of the area of a low mesh below which a part is a crumb."""
+DEBRIS = 0.01
+"""The share of the area of a low mesh below which a part is debris."""
 CLEARLY = -0.1
 """The cosine between normals below which they oppose each other."""
 FEWEST = 40
@@ -85,7 +85,7 @@ def normals_of(corners):
 
 
 def turned(low, truth, origin):
-    """How many triangles of a low object oppose each of the triangles (T, 3, 3) that are near their middle. Those of crumbs do
+    """How many triangles of a low object oppose each of the triangles (T, 3, 3) that are near their middle. Those of debris do
     not count: nothing tells their side. truth: relative to the origin, from which small objects may be so far that places in
     world space are too coarse in single precision."""
     soup = spoiled.of_object(low)
@@ -95,15 +95,15 @@ def turned(low, truth, origin):
     found, truth = (soup.points[soup.triangles] - center) / size, (truth - center) / size
     tree = BVHTree.FromPolygons(truth.reshape(-1, 3).tolist(), np.arange(3 * len(truth)).reshape(-1, 3).tolist())
     own, others, count = normals_of(found), normals_of(truth), 0
-    for middle, normal in zip(found[~is_crumb(soup)].mean(axis=1), own[~is_crumb(soup)], strict=True):
+    for middle, normal in zip(found[~is_debris(soup)].mean(axis=1), own[~is_debris(soup)], strict=True):
         _, _, _, distance = tree.find_nearest(middle.tolist())
         near = [number for _, _, number, _ in tree.find_nearest_range(middle.tolist(), distance + NEAR)]
         count += bool(near and (others[near] @ normal).max() < CLEARLY)
     return count
 
 
-def is_crumb(soup):
-    """Which triangles (T,) bool are in parts of less than CRUMB of the area."""
+def is_debris(soup):
+    """Which triangles (T,) bool are in parts of less than DEBRIS of the area."""
     labels = np.arange(len(soup.points))
     for _ in labels:
         least = labels[soup.triangles].min(axis=1)
@@ -115,7 +115,7 @@ def is_crumb(soup):
     corners = soup.points[soup.triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     part = labels[soup.triangles[:, 0]]
-    return np.bincount(part, areas)[part] < CRUMB * areas.sum()
+    return np.bincount(part, areas)[part] < DEBRIS * areas.sum()
 
 
 def made(high, rng, monkeypatch, fewest=4, side=64):

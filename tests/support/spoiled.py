@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spoils a clean mesh as scans, CAD and generated meshes are: faces turned over, doubles behind the surface, crumbs, vertices
+"""Spoils a clean mesh as scans, CAD and generated meshes are: faces turned over, doubles behind the surface, debris, vertices
 that are not joined, noise, holes. The truth about its maps is the clean mesh.
 
 All of it follows from the generator of random numbers.
@@ -142,16 +142,16 @@ def with_doubles(
     return joined(soup, flipped_at_random(some, rng, 0.5 * rng.random()))
 
 
-def with_crumbs(soup: Soup, rng: np.random.Generator, count: int, size: float = 0.002) -> Soup:
+def with_debris(soup: Soup, rng: np.random.Generator, count: int, size: float = 0.002) -> Soup:
     """Small triangles at random places inside the surface, each of its own."""
     chosen = rng.integers(0, len(soup.triangles), count)
     inward = -soup.normals[soup.triangles[chosen, 0]] * soup.diagonal * (0.005 + 0.01 * rng.random((count, 1)))
     places = soup.points[soup.triangles[chosen, 0]] + inward
     points = places[:, None] + rng.normal(0.0, size * soup.diagonal, (count, 3, 3))
-    crumbs = Soup(points.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    debris = Soup(points.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
     if soup.uv is not None:
-        crumbs = replace(crumbs, uv=soup.uv[chosen])
-    return joined(soup, crumbs)
+        debris = replace(debris, uv=soup.uv[chosen])
+    return joined(soup, debris)
 
 
 def unwelded(soup: Soup, rng: np.random.Generator, share: float) -> Soup:
@@ -176,7 +176,7 @@ def all_together(soup: Soup, rng: np.random.Generator) -> Soup:
     """As a generator makes it."""
     soup = noisy(soup, rng, 0.02)
     soup = with_doubles(soup, rng, 0.2)
-    soup = with_crumbs(soup, rng, len(soup.triangles) // 200)
+    soup = with_debris(soup, rng, len(soup.triangles) // 200)
     soup = flipped_in_regions(flipped_at_random(soup, rng, 0.05), rng, 0.1)
     return with_holes(unwelded(soup, rng, 0.1), rng, 0.0005)
 

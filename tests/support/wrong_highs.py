@@ -36,7 +36,7 @@ def fan(rng):
     return points, np.stack([np.zeros(count, int), np.ones(count, int), 2 + np.arange(count)], axis=1)
 
 
-def crumbs(rng):
+def debris(rng):
     count = int(rng.integers(1, 60))
     points = rng.uniform(-1.0, 1.0, (count, 1, 3)) * (1.0, 1.0, 0.2) + rng.normal(scale=0.05, size=(count, 3, 3))
     return points.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
@@ -44,7 +44,7 @@ def crumbs(rng):
 
 def slivers(rng):
     """Triangles without an area: points, lines, and thin ones."""
-    points, triangles = crumbs(rng)
+    points, triangles = debris(rng)
     points = points.reshape(-1, 3, 3)
     points[:, 2] = points[:, 0] + rng.choice([0.0, 1e-12, 1e-6]) * points[:, 2]
     points[:: 1 + int(rng.integers(1, 4)), 1] = points[:: 1 + int(rng.integers(1, 4)), 0][0]
@@ -62,7 +62,7 @@ def tangle(rng):
     return rng.uniform(-1.0, 1.0, (count, 3)) * (1.0, 1.0, rng.choice([0.0, 0.1, 1.0])), triangles
 
 
-PARTS = (patch, moebius, fan, crumbs, slivers, one_face, tangle)
+PARTS = (patch, moebius, fan, debris, slivers, one_face, tangle)
 VALUES = (np.nan, np.inf, -np.inf, 1e30, 3e38, 1e-40, 1e7)
 
 
