@@ -32,6 +32,7 @@ def is_visible(obj: bpy.types.Object) -> bool:
 
 def shown_surfaces(context: bpy.types.Context) -> list[bpy.types.Object]:
     """The objects that may have a surface, and that both the view layer and renders show."""
+    context.view_layer.update()  # a script may have made some without a redraw
     objects = filter(object_checks.may_show, context.view_layer.objects)
     return [
         obj
