@@ -1,13 +1,13 @@
-"""Game assets made with a fifth of the work: the meshes of tests are small, and few of them test the search itself."""
+"""Game assets made with a tenth of the work: the meshes of tests are small, and few of them test the search itself."""
 
 from addon.audit import appearance
-from addon.jobs import asset
+from addon.jobs import asset, unwrapping
 from addon.jobs.simplify import low_meshes
 from addon.mesh import uv_packing
 
 
 def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
-    """Look from few sides, correct once, pack by one order in larger cells, and remesh coarsely.
+    """Look from few sides, correct once, unwrap in one way, pack by one order in larger cells, and remesh coarsely.
 
     Args:
         detail: how closely ways to make a low mesh are looked at; 6 views of 64 x 64 pixels if None.
@@ -15,6 +15,8 @@ def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
     monkeypatch.setattr(appearance, "USUAL", detail or appearance.Detail(6, 64))
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
     monkeypatch.setattr(low_meshes, "VOXELS", 15_000)
+    steps = [(stretch, name if name == unwrapping.QUICK else "") for stretch, name in unwrapping.STEPS]
+    monkeypatch.setattr(unwrapping, "STEPS", steps)
     monkeypatch.setattr(uv_packing, "ORDERS", 1)
-    monkeypatch.setattr(uv_packing, "QUICK_CELLS", 128)
-    monkeypatch.setattr(uv_packing, "CELLS", 256)
+    monkeypatch.setattr(uv_packing, "QUICK_CELLS", 64)
+    monkeypatch.setattr(uv_packing, "CELLS", 128)

@@ -635,7 +635,8 @@ def test_the_usual_limits_are_valid_and_wrong_ones_are_reported(settings):
 # Game Asset panel
 
 
-def test_the_button_makes_an_asset_and_its_file(settings, tmp_path):
+def test_the_button_makes_an_asset_and_its_file(settings, tmp_path, monkeypatch):
+    quick_assets.quicken(monkeypatch)
     high = bpy.context.view_layer.objects.active
     select(high)
     settings.asset_triangles, settings.export = "100", str(tmp_path / "{low}.glb")
