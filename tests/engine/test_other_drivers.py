@@ -18,6 +18,7 @@ FILES = {
         "passes/test_openness.py",
         "passes/test_image_look_up.py",
         "passes/test_turned_normals.py",
+        "engine/test_cutouts.py",
         "engine/test_dense_meshes.py",
         "engine/test_flat_and_rays.py",
         "engine/test_samples.py",
@@ -26,6 +27,7 @@ FILES = {
         "passes/test_image_look_up.py",
         "passes/test_margin_search.py",
         "passes/test_target.py",
+        "engine/test_cutouts.py",
         "engine/test_margins.py",
         "engine/test_own_normals.py",
         "engine/test_samples.py",
@@ -35,6 +37,7 @@ FILES = {
         "passes/test_owned_hits.py",
         "passes/test_openness.py",
         "passes/test_turned_normals.py",
+        "engine/test_cutouts.py",
         "engine/test_flat_and_rays.py",
     ],
 }

@@ -32,7 +32,7 @@ def compiler(request, monkeypatch):
     shader.load.cache_clear()
     if request.param:
         source = shader.source
-        monkeypatch.setattr(shader, "source", lambda name: fast_math.turned(source(name)))
+        monkeypatch.setattr(shader, "source", lambda *names: fast_math.turned(source(*names)))
     yield
     shader.load.cache_clear()
 

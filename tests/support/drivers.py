@@ -51,7 +51,7 @@ def imitate(kind: str) -> None:
         _fill_new_textures()
     if kind == "rounding":
         source = shader.source
-        shader.source = lambda name: fast_math.rounded_otherwise(source(name))
+        shader.source = lambda *names: fast_math.rounded_otherwise(source(*names))
 
 
 def _fill_new_textures() -> None:

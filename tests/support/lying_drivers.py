@@ -126,7 +126,7 @@ def changed_shaders(change):
 
     def lie(patch):
         source = shader.source
-        patch.setattr(shader, "source", lambda name: change(source(name)))
+        patch.setattr(shader, "source", lambda *names: change(source(*names)))
 
     return lie
 
