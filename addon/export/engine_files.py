@@ -102,6 +102,7 @@ def work(
     atomic_file.check_writable(path)
     yield Progress("Writing the file", 0.0)
     lows = [baked_low.read(context, reports) for reports in bakes]
+    lows = [same_file.with_maps_alone(low) for low in lows] if source is not None else lows
     with tempfile.TemporaryDirectory(prefix="imprint-") as name:
         folder = Path(name)
         files, objects = _written(context, file_format, lows, folder / path.name, path, are_levels=are_levels)

@@ -7,7 +7,7 @@ corners have several new UVs or tangents is there several times, the further one
 
 from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..core.report import Report
 from ..output import datablocks
 from ..scene import mesh_reader
 from . import binary_gltf, map_pictures
+from .baked_low import BakedLow
 from .binary_gltf import Glb
 from .staging import Staged
 
@@ -41,8 +42,17 @@ _KEYS = {
     ),
 }
 """The keys of a material that hold a map."""
+_FACTORS = {"metallicFactor": {METALLIC.name}, "roughnessFactor": {ROUGHNESS.name, WIDENED_ROUGHNESS.name}}
+"""The factors of the channels of one texture, by the maps in them."""
 _STRENGTH = "KHR_materials_emissive_strength"
 _VARIANTS = "KHR_materials_variants"
+
+
+def with_maps_alone(low: BakedLow) -> BakedLow:
+    """A low object for Blender's exporter, whose materials have nothing but the maps: the file has all else of them."""
+    if low.reports[0].settings.get("one_material"):  # it has numbers that the old ones had alike
+        return low
+    return replace(low, materials=[None for _ in low.materials])
 
 
 def rewritten(source: Path, made: Glb, staged: Sequence[Staged]) -> tuple[bytes, list[str]]:
@@ -224,6 +234,21 @@ class _Corners:
             if "NORMAL" not in primitive["attributes"]:  # they would be flat, and tangents be ignored
                 values["NORMAL"] = self.normals[part.share]
         return values
+
+
+def _lost(old: dict, baked: set[str]) -> list[str]:
+    """What a material loses with textures that baked maps take the place of, in sentences."""
+    surface, lost = old.get("pbrMetallicRoughness", {}), []
+    shares = [not baked.isdisjoint(names) for names in _FACTORS.values()]
+    if "metallicRoughnessTexture" in surface and any(shares) and not all(shares):
+        lost.append("roughness" if shares[0] else "metallic")
+    if "baseColorTexture" in surface and old.get("alphaMode", "OPAQUE") != "OPAQUE" and BASE_COLOR.name in baked:
+        lost += [] if "ALPHA" in baked else ["alpha"]
+    return [
+        f"Material {old.get('name', '')!r} loses the texture of its {what}, which is in one image with what was baked: bake "
+        f"the {what} map as well."
+        for what in lost
+    ]
 
 
 FLAT = 1.5 / 255.0
@@ -466,7 +491,9 @@ class _Materials:
                 del primitive["extensions"]
         else:
             old = primitive.get("material")
-            material = self._merged({} if old is None else self.file.tree["materials"][old], taken, baked)
+            before = {} if old is None else self.file.tree["materials"][old]
+            material = self._merged(before, taken, baked)
+            self.notes += _lost(before, baked)
         primitive["material"] = self._number(material)
         if BASE_COLOR.name in baked and "COLOR_0" in primitive["attributes"]:
             primitive["attributes"][_OLD_COLORS] = primitive["attributes"].pop("COLOR_0")
@@ -526,6 +553,11 @@ class _Materials:
                     owner[key] = source[key]
                 else:
                     owner.pop(key, None)
+        before = old.get("pbrMetallicRoughness", {})
+        for factor, names in _FACTORS.items():
+            if baked.isdisjoint(names):  # the texture is white there
+                surfaces[0].pop(factor, None)
+                surfaces[0].update({factor: before[factor]} if factor in before else {})
         if not result["pbrMetallicRoughness"]:
             del result["pbrMetallicRoughness"]
         if EMISSION.name in baked:

@@ -124,6 +124,53 @@ def test_occlusion_goes_into_each_material(source):
     assert "occlusionTexture" not in gray
 
 
+def test_maps_of_materials_go_into_each_of_them(source):
+    data = Glb.parsed(source.read_bytes())
+    glow = next(each for each in data.tree["materials"] if each["name"] == "shoes")
+    glow |= {
+        "emissiveFactor": [1.0, 0.5, 0.0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3.0}},
+    }
+    source.write_bytes(data.packed())
+    after, _, _ = figure(source)
+    by_name = {each["name"]: each for each in after["materials"]}
+    assert len(by_name) == PARTS + 1
+    for name, *_ in gltf_characters.PARTS:
+        surface = by_name[name]["pbrMetallicRoughness"]
+        textures = surface["baseColorTexture"], surface["metallicRoughnessTexture"], by_name[name]["emissiveTexture"]
+        assert [each["texCoord"] for each in textures] == [1, 1, 1]
+        assert not {"baseColorFactor", "metallicFactor", "roughnessFactor"} & surface.keys()
+        strength = by_name[name]["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
+        assert strength * max(by_name[name]["emissiveFactor"]) == pytest.approx(3.0, abs=0.05)
+    assert by_name["hair"]["alphaMode"] == "MASK"
+    assert "normalTexture" in by_name["body"]
+    assert "texCoord" not in by_name["body"]["normalTexture"]
+    assert "emissiveTexture" not in by_name["gray"]
+
+
+def test_one_channel_of_a_texture_leaves_the_factor_of_the_other(source, tmp_path):
+    after, data, warnings = figure(source, maps=("ROUGHNESS",))
+    (body,) = [each for each in after["materials"] if each["name"] == "body"]
+    surface = body["pbrMetallicRoughness"]
+    assert surface["metallicFactor"] == 0.7
+    assert "roughnessFactor" not in surface
+    picture, *_ = glb.texels(glb.image(after, data, surface["metallicRoughnessTexture"]["index"]), tmp_path)
+    assert picture[..., 2].min() == 255
+    assert warnings == []
+
+
+def test_what_is_in_one_image_with_a_baked_map_is_told(source):
+    data = Glb.parsed(source.read_bytes())
+    body = data.tree["materials"][0]
+    body["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {"index": 0}
+    source.write_bytes(data.packed())
+    _, _, warnings = figure(source, maps=("ROUGHNESS", "BASE_COLOR"))
+    assert [text.split(", which")[0] for text in warnings] == [
+        "Material 'body' loses the texture of its metallic",
+        "Material 'hair' loses the texture of its alpha",
+    ]
+
+
 def test_new_uvs_repeat_vertices_behind_the_others(source):
     """Each triangle by itself, as a light map has it."""
     (obj,) = imported(source, "Figure")
@@ -336,7 +383,13 @@ def test_a_gltf_with_files_beside_it_becomes_one_file(source):
     tree, binary = glb.parse(source)
     folder = source.parent
     (folder / "the data.bin").write_bytes(binary)
-    tree["buffers"] = [{"byteLength": len(binary), "uri": "the%20data.bin"}]
+    (folder / "first.bin").write_bytes(bytes(6))
+    tree["buffers"] = [
+        {"byteLength": 6, "uri": "first.bin"},
+        {"byteLength": len(binary), "uri": "the%20data.bin"},
+    ]
+    for each in tree["bufferViews"]:
+        each["buffer"] = 1
     paint = tree["images"][0]
     view = tree["bufferViews"][paint.pop("bufferView")]
     (folder / "paint.png").write_bytes(binary[view["byteOffset"] :][: view["byteLength"]])
@@ -376,6 +429,14 @@ def test_sparse_and_missing_values_are_read():
     sparse = {"count": 2, "indices": {"bufferView": places, "componentType": 5123}, "values": {"bufferView": values}}
     number = file.add("accessors", {"componentType": 5126, "count": 4, "type": "SCALAR", "sparse": sparse})
     np.testing.assert_array_equal(file.whole(number)[:, 0], [0.0, 5.0, 0.0, 7.0])
+
+
+def test_large_numbers_of_vertices_take_four_bytes():
+    file = Glb({"buffers": [{"byteLength": 0}]}, bytearray())
+    for largest in (0xFFFE, 0xFFFF, 70_000):
+        number = file.add_indices(np.array([0, largest]))
+        assert file.whole(number)[:, 0].tolist() == [0, largest]
+    assert [each["componentType"] for each in file.tree["accessors"]] == [5123, 5125, 5125]
 
 
 def test_rows_of_few_bytes_begin_at_multiples_of_four():
