@@ -102,7 +102,7 @@ void rounded_walk_edges(vec3 center, float radius, inout RoundedWalk walk, inout
   vec3 unit = 1.0 / edge_scale.xyz;
   float limit = radius * radius;
   while (walk.is_over_edges && turns > 0) {
-    turns--;
+    turns -= 2;  // also the turn in which the loop over edges ends
     int leaf = 0;
     uint mask = tree_closer(TREE_BOXES(edge_nodes, walk.node), grid_point, unit, limit);
     uint found = tree_step(mask, int(edge_scale.w), walk.node, walk.trail, leaf);
@@ -149,7 +149,7 @@ void rounded_walk_triangles(vec3 center, float radius, inout RoundedWalk walk, i
     while (found != 0u) {
       int triangle = leaf + findLSB(found);
       found &= found - 1u;
-      turns -= 3;
+      turns -= 5;  // also those of the loop over its edges
       if (rounded_has(walk.parts, rounded_part(triangle))) {
         walk.sum += rounded_triangle(triangle, center, radius);
       }
