@@ -4,6 +4,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import gpu
@@ -126,7 +127,9 @@ class OpennessMaps(RayMaps):
     def __init__(self, names: Sequence[str], inputs: FamilyInputs):
         super().__init__(names, inputs)
         self.to_space, self.space = inputs.to_space, inputs.space
-        self.occluders = occluders(self.surface, inputs.meshes.others, inputs.run.settings.tracing, inputs.run.timings)
+        meshes, run = inputs.meshes, inputs.run
+        found = occluders(self.surface, meshes.others, run.settings.tracing, run.timings)
+        self.occluders = replace(found, from_inside=meshes.is_own_base)
 
     def _cast(self, sums: target.Target, rays: hemisphere.Rays) -> None:
         hemisphere.add_openness(sums, rays, self.occluders)

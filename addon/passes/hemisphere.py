@@ -202,6 +202,7 @@ class Occluders:
         two_sided: Backs block too.
         bias: Directions within this angle of the tangent plane are left out, in radians.
         floor: The height z of a plane that blocks rays from above; None for no floor. Lengths are in the surface's space.
+        from_inside: Rays from an edge start a little inside of their triangle, as the texels of a mesh onto itself often are.
     """
 
     tables: cast.Tables | None = None
@@ -212,6 +213,7 @@ class Occluders:
     two_sided: bool = False
     bias: float = 0.0
     floor: float | None = None
+    from_inside: bool = False
 
 
 @dataclass(frozen=True)
@@ -256,7 +258,7 @@ def add_openness(sums: target.Target, rays: Rays, occluders: Occluders) -> None:
         blocking=(
             0 if occluders.farthest is None else FADES.index(occluders.fade),
             BOTH if occluders.two_sided else FRONTS,
-            int(occluders.tables is None),
+            int(occluders.tables is None) + 2 * int(occluders.from_inside),
             _in_ended_part(rays.lattice, rays.numbers),
         ),
     )

@@ -9,6 +9,9 @@
 // As in passes/hemisphere.py, FADES.
 const int OPENNESS_FADE_NONE = 0;
 const int OPENNESS_FADE_SMOOTH = 2;
+// The bits of blocking.z: the triangles that block are those of the surface, and rays do not start on edges.
+const int OPENNESS_OF_SURFACE = 1;
+const int OPENNESS_FROM_INSIDE = 2;
 // Each ray counts the normal by this much, which gives a bent normal its direction where all rays are blocked.
 const float OPENNESS_LEAST = 1e-6;
 
@@ -30,9 +33,9 @@ void main()
   if (!hit_missed(hit)) {
     vec3 normal = shading_normal(hit, vec3(0.0, 0.0, 1.0));
     vec3 face = surface_face_normal(hit, normal);
-    vec3 origin = surface_point(hit) * placed.w + placed.xyz;
+    vec3 origin = ((blocking.z & OPENNESS_FROM_INSIDE) != 0 ? surface_start(hit) : surface_point(hit)) * placed.w + placed.xyz;
     origin += face * (sides == REACH_BOTH ? REACH_OFFSET : 0.0);
-    int own = blocking.z != 0 ? hit_triangle(hit) : -1;
+    int own = (blocking.z & OPENNESS_OF_SURFACE) != 0 ? hit_triangle(hit) : -1;
     vec2 shift = lattice_shift(texel + ivec2(0, numbers.w >> 1), cell);
     int turns = TURNS_MOST;
     int i = 0;

@@ -13,6 +13,19 @@ vec3 surface_point(uvec4 hit)
   return triangle_point(surface_edges(hit), hit_weights(hit));
 }
 
+// Triangles overlap a little (overlap_lib.glsl): where the hit is on an edge, as texels of even grids are, rays would meet the
+// triangle across it. They start inside, at this share of the way to the middle of the triangle.
+const float SURFACE_ON_EDGE = 1e-5;
+const float SURFACE_INSIDE = 3e-3;
+
+// Where rays from a hit start: the place itself, unless it is on an edge.
+vec3 surface_start(uvec4 hit)
+{
+  vec2 weights = hit_weights(hit);
+  bool is_on_edge = min(min(weights.x, weights.y), 1.0 - weights.x - weights.y) < SURFACE_ON_EDGE;
+  return triangle_point(surface_edges(hit), is_on_edge ? mix(weights, vec2(1.0 / 3.0), SURFACE_INSIDE) : weights);
+}
+
 // `vector` with length 1, or `otherwise` if it has no length.
 vec3 surface_unit(vec3 vector, vec3 otherwise)
 {
