@@ -481,10 +481,12 @@ def _draw_several(
     settings = context.scene.imprint
     if len(reasons) < len(all_chosen):
         draw_paragraphs(box, context, [describe_several(all_chosen)], "INFO")
-    by_low = {chosen.low: chosen for chosen in all_chosen}
     for low, reason in list(reasons.items())[:MOST_NOTES]:
         draw_fixable(box, context, reason, "ERROR", low.name)
-        draw_remedy(box, context, by_low[low])
+        if object_checks.lacks_uvs(low):
+            draw_button(box, fixes.UNWRAP, low.name)
+    if reasons and _is_unsaved(all_chosen[0]):
+        box.operator("wm.save_mainfile", icon="FILE_TICK")
     box.prop(settings, "share_image")
     if settings.share_image:
         box.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = True

@@ -129,7 +129,10 @@ def test_one_with_a_high_object_and_another_without_are_baked_as_each_is(props):
 
 def test_one_without_uvs_is_left_out_and_told(props):
     props[1].data.uv_layers.remove(props[1].data.uv_layers[0])
-    assert "'table' has no UV layer: unwrap it first." in drawn().text
+    panel = drawn()
+    assert "'table' has no UV layer: unwrap it first." in panel.text
+    assert [(given.kind, given.low) for name, given in panel.given if name == "imprint.fix"] == [("UNWRAP", "table")]
+    assert "imprint.make_asset" not in panel.buttons  # it takes all that is selected
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert [name for name, _ in results.batch().left_out] == ["table"]
     assert bpy.ops.imprint.fix(kind="UNWRAP", low="table") == {"FINISHED"}
