@@ -14,7 +14,7 @@ from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import ATLAS
 from ..core.settings import Settings
-from ..jobs import bake_jobs, fixes
+from ..jobs import bake_jobs, fixes, one_material
 from ..jobs.job import Job, by_material, covers_detail
 from ..jobs.pair_checks import Finding
 from ..output import datablocks, map_names, materials, outputs
@@ -223,6 +223,8 @@ def _is_unsaved(chosen: Chosen) -> bool:
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
     """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
     try:
+        if values.storing.one_material:
+            one_material.check(low)
         if values.changes_materials:
             materials.check(low, can_be_off=not values.storing.connect_maps)
     except BakeError as error:

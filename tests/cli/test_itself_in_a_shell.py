@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from addon.cli import arguments, command, run_report
+from addon.export.binary_gltf import Glb
 from tests.support import glb, gltf_characters, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -129,12 +130,21 @@ def test_what_several_cannot_have_is_told(scene, capsys, words, text):
 def test_all_meshes_of_a_file_get_one_material_in_the_same_file(tmp_path, monkeypatch, capsys):
     """Without names, and without a path for the maps, which go beside the file."""
     monkeypatch.chdir(tmp_path)
-    before, _ = glb.parse(gltf_characters.cart(tmp_path / "cart.glb"))
+    path = gltf_characters.cart(tmp_path / "cart.glb")
+    wires = Glb.parsed(path.read_bytes())  # a mesh without faces is left out
+    wires.tree["meshes"].append(
+        {"name": "wire", "primitives": [wires.tree["meshes"][0]["primitives"][0] | {"mode": 1}]}
+    )
+    wires.tree["nodes"].append({"name": "wire", "mesh": len(wires.tree["meshes"]) - 1})
+    wires.tree["scenes"][0]["nodes"].append(len(wires.tree["nodes"]) - 1)
+    path.write_bytes(wires.packed())
+    before, _ = glb.parse(path)
     words = ["cart.glb", "--size", "64", "--no-normal", "--maps", "base-color", "--one-material", "--export", "one.glb"]
     assert command.run(words) == run_report.DONE
     after, _ = glb.parse(tmp_path / "one.glb")
     assert after["nodes"] == before["nodes"]
-    assert [material["name"] for material in after["materials"]] == ["atlas"]
+    used = {each["material"] for mesh in after["meshes"][:2] for each in mesh["primitives"]}
+    assert [after["materials"][number]["name"] for number in used] == ["atlas"]
     assert (tmp_path / "one_base_color.png").is_file()
     assert "material, too" not in capsys.readouterr().err
 

@@ -148,6 +148,19 @@ def test_maps_of_materials_go_into_each_of_them(source):
     assert "emissiveTexture" not in by_name["gray"]
 
 
+def test_variants_of_other_materials_stay(source):
+    """They name materials by numbers, which change."""
+    data = Glb.parsed(source.read_bytes())
+    data.tree["extensionsUsed"].append(same_file._VARIANTS)
+    data.tree["extensions"] = {same_file._VARIANTS: {"variants": [{"name": "night"}]}}
+    mapping = {"mappings": [{"material": 11, "variants": [0]}]}
+    data.tree["meshes"][1]["primitives"][0]["extensions"] = {same_file._VARIANTS: mapping}
+    source.write_bytes(data.packed())
+    after, _, _ = figure(source, one_material=True)
+    (mapping,) = after["meshes"][1]["primitives"][0]["extensions"][same_file._VARIANTS]["mappings"]
+    assert after["materials"][mapping["material"]]["name"] == "gray"
+
+
 def test_one_channel_of_a_texture_leaves_the_factor_of_the_other(source, tmp_path):
     after, data, warnings = figure(source, maps=("ROUGHNESS",))
     (body,) = [each for each in after["materials"] if each["name"] == "body"]

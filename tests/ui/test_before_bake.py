@@ -423,6 +423,8 @@ def test_a_linked_low_object_is_named_before_the_bake_with_a_button(tmp_path, gp
     settings.connect_maps = True  # the same is checked for other maps
     # Without the setting Material it would be an error, too.
     assert bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high])).endswith("make it local first.")
+    settings.connect_maps, settings.one_material = False, True
+    assert "cannot get one material" in bake_panel.bake_problem(bpy.context, Chosen(settings, low, [high]))
 
 
 # Flipped meshes
