@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from .properties import ImprintSettings
 
 REACH = 0.12
-"""How near two objects may be a pair, as a share of the diagonal of a box around one of them: as far as Own Hit reaches."""
+"""How near two objects may be a pair, as a share of the diagonal of the smaller one's box: as far as Own Hit reaches."""
 SHARE = 0.5
 """The share of a box within the enlarged box of another from which these lie over one another. Of cubes side by side it is
-0.21, of a sculpt and its low mesh about 1."""
+0.21, of one that stands on a ground 0.3, of a sculpt and its low mesh about 1."""
 FLAT = 0.01
 """The least thickness of a box, as a share of its diagonal."""
 
@@ -63,9 +63,10 @@ def _lie_over(objects: Sequence[bpy.types.Object]) -> bool:
     diagonal = np.linalg.norm(most - least, axis=1, keepdims=True)
     thin = np.maximum(0.0, FLAT * diagonal - (most - least)) / 2.0
     least, most = least - thin, most + thin
-    volumes, reach = np.maximum(_volumes(most - least), 1e-300), REACH * diagonal
+    volumes = np.maximum(_volumes(most - least), 1e-300)
     for number in range(len(objects)):  # by rows: a square of hundreds of objects is large
-        shared = np.minimum(most[number] + reach[number], most) - np.maximum(least[number] - reach[number], least)
+        reach = REACH * np.minimum(diagonal, diagonal[number])
+        shared = np.minimum(most[number] + reach, most) - np.maximum(least[number] - reach, least)
         shares = _volumes(np.maximum(shared, 0.0)) / volumes
         shares[number] = 0.0
         if shares.max() > SHARE:

@@ -100,6 +100,15 @@ def test_what_says_that_one_is_high_makes_it_a_pair(props, says):
     assert len(found["lamp"]) >= 2 or says == "pair"
 
 
+def test_what_stands_on_a_ground_is_not_its_high_object(props):
+    bpy.ops.mesh.primitive_plane_add(size=30.0, location=(0.0, 0.0, -1.0))
+    bpy.context.object.name = "ground"
+    select(*props, bpy.context.object)
+    assert chosen() == {name: [name] for name in ("lamp", "table", "vase", "ground")}
+    select(bpy.data.objects["ground"], *props)
+    assert len(chosen()) == 4
+
+
 def test_a_button_bakes_each_onto_itself_where_they_lie_over_one_another(props):
     props[1].location.x = 0.1
     bpy.context.view_layer.update()
