@@ -193,6 +193,16 @@ def test_what_nothing_is_behind_is_shown_as_it_is():
     np.testing.assert_allclose(color, np.broadcast_to(CARD, color.shape), atol=1e-6)
 
 
+def test_objects_that_are_all_clear_are_all_solid():
+    low, body, card, material = card_over_body(Alpha=0.0)
+    body.data.materials[0] = material
+    wanted = {"maps": ("HEIGHT", "AO"), "two_sided": True, "size": 16, **SEEN, "extrusion": 0.05}  # below the card
+    made = [maps.bake_all_maps(low, body, card, cut_outs=cut_outs, **wanted)[1] for cut_outs in (False, True)]
+    for name, expected in made[0].items():
+        np.testing.assert_array_equal(made[1][name], expected)
+    assert made[1]["ao"][..., 0].max() < 0.7
+
+
 @pytest.mark.parametrize("hit", ["OWN", "OUTERMOST", "NEAREST"])
 @pytest.mark.parametrize("facing", [False, True])
 def test_each_rule_sees_through(hit, facing):
