@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.export import binary_gltf, engine_files, same_file
+from addon.export import binary_gltf, engine_files, primitives, same_file, same_materials
 from addon.export.binary_gltf import Glb
 from addon.jobs import Job, bake_all
 from addon.scene.importing import PLAIN, import_meshes
@@ -151,13 +151,13 @@ def test_maps_of_materials_go_into_each_of_them(source):
 def test_variants_of_other_materials_stay(source):
     """They name materials by numbers, which change."""
     data = Glb.parsed(source.read_bytes())
-    data.tree["extensionsUsed"].append(same_file._VARIANTS)
-    data.tree["extensions"] = {same_file._VARIANTS: {"variants": [{"name": "night"}]}}
+    data.tree["extensionsUsed"].append(same_materials.VARIANTS)
+    data.tree["extensions"] = {same_materials.VARIANTS: {"variants": [{"name": "night"}]}}
     mapping = {"mappings": [{"material": 11, "variants": [0]}]}
-    data.tree["meshes"][1]["primitives"][0]["extensions"] = {same_file._VARIANTS: mapping}
+    data.tree["meshes"][1]["primitives"][0]["extensions"] = {same_materials.VARIANTS: mapping}
     source.write_bytes(data.packed())
     after, _, _ = figure(source, one_material=True)
-    (mapping,) = after["meshes"][1]["primitives"][0]["extensions"][same_file._VARIANTS]["mappings"]
+    (mapping,) = after["meshes"][1]["primitives"][0]["extensions"][same_materials.VARIANTS]["mappings"]
     assert after["materials"][mapping["material"]]["name"] == "gray"
 
 
@@ -359,10 +359,10 @@ def test_a_mesh_without_materials_gets_one(tmp_path):
 
 def test_variants_of_one_material_are_told(source):
     data = Glb.parsed(source.read_bytes())
-    data.tree["extensionsUsed"].append(same_file._VARIANTS)
-    data.tree["extensions"] = {same_file._VARIANTS: {"variants": [{"name": "night"}]}}
+    data.tree["extensionsUsed"].append(same_materials.VARIANTS)
+    data.tree["extensions"] = {same_materials.VARIANTS: {"variants": [{"name": "night"}]}}
     mapping = {"mappings": [{"material": 3, "variants": [0]}]}
-    data.tree["meshes"][0]["primitives"][0]["extensions"] = {same_file._VARIANTS: mapping}
+    data.tree["meshes"][0]["primitives"][0]["extensions"] = {same_materials.VARIANTS: mapping}
     source.write_bytes(data.packed())
     after, _, warnings = figure(source, one_material=True)
     assert "extensions" not in after["meshes"][0]["primitives"][0]
@@ -429,8 +429,8 @@ def test_strips_and_fans_are_read_as_blender_reads_them(tmp_path, mode, indices)
     ]
     path = file.save(tmp_path / "strip.glb")
     (obj,) = imported(path, "strip")
-    parts = same_file._parts(Glb.parsed(path.read_bytes()), 0)
-    assert same_file._kept(same_file._as_imported(parts), obj.data).all()
+    parts = primitives.parts_of(Glb.parsed(path.read_bytes()), 0)
+    assert primitives.faces_kept(primitives.as_imported(parts), obj.data).all()
 
 
 def test_sparse_and_missing_values_are_read():
@@ -515,6 +515,6 @@ def test_each_of_many_meshes_is_found(tmp_path):
     file.tree["scenes"][0]["nodes"] = list(range(60))
     path = file.save(tmp_path / "city.glb")
     parsed = Glb.read(path)
-    triangles = [same_file._as_imported(same_file._parts(parsed, number)) for number in range(60)]
+    triangles = [primitives.as_imported(primitives.parts_of(parsed, number)) for number in range(60)]
     for obj in import_meshes(str(path), PLAIN):
         assert same_file._mesh_of(parsed, triangles, obj, (), path) == int(obj.name)
