@@ -278,8 +278,7 @@ def _uploaded(
     repeat: Repeat | None = None,
 ) -> RayScene:
     local_space, copies = local_space_of(highs), [] if repeat is None else _copies(highs, repeat)
-    every = [*highs, *(copy for copy, _ in copies)]
-    points, vertices, normals, own_normals = _arrays(every, local_space)
+    points, vertices, normals, own_normals = _arrays([*highs, *(copy for copy, _ in copies)], local_space)
     if like is not None:
         with timings.timed("upload"):
             vertices, own_normals = threads.take(vertices, like.order), own_normals[like.order]
@@ -293,10 +292,11 @@ def _uploaded(
     with timings.timed("upload"):
         if has_tree:
             vertices, own_normals = threads.take(vertices, tree.order), own_normals[tree.order]
-        clear, order = cutouts.records_of(every, tree.order), tree.order
+        order = tree.order
+        if copies:
+            order = np.concatenate([np.arange(_count(highs)), *(numbers for _, numbers in copies)])[order]
+        clear = cutouts.records_of(highs, order)
         tables = cast.upload(tree, points, vertices, normals, own_normals, clear=clear)
-    if copies:
-        order = np.concatenate([np.arange(_count(highs)), *(numbers for _, numbers in copies)])[order]
     return RayScene(local_space, tables, order, repeat)
 
 

@@ -240,6 +240,26 @@ def test_what_comes_in_brings_its_materials_and_ids():
     assert np.ptp(found["base_color"][:, left][is_stone], axis=0).max() > 0.1
 
 
+def test_what_comes_in_is_cut_out_as_it_is():
+    """A card over the border whose material is clear on one half."""
+    low, high, card = zoo.plane("lo"), zoo.plane("ground"), zoo.plane("card")
+    alpha = np.repeat(np.arange(64)[None] < 32, 64, axis=0).astype(np.float32)
+    pixels_of = scenes.image("leaf", np.ones((64, 64, 3)), alpha=alpha)
+    node = scenes.texture(scenes.material("leaf", card), pixels_of)
+    scenes.set_inputs(card.data.materials[0], Alpha=node.outputs["Alpha"])
+    card.matrix_world = Matrix.Translation((0.9, 0.2, 0.3)) @ Matrix.Scale(0.4, 4)
+    how = {"maps": ("HEIGHT",), "hit": "OUTERMOST", "extrusion": 1.0, "max_distance": 2.0}
+    left = slice(0, SIDE // 8)
+    _, found = bake(low, high, card, **how, wrap="U")
+    card.matrix_world = Matrix.Translation((-TILE, 0.0, 0.0)) @ card.matrix_world
+    _, moved = bake(low, high, card, **how, method="CAST")
+    for name in ("height", "normal"):
+        assert np.abs(found[name] - moved[name])[4:-4, left].max() < 2e-3, name
+    card.data.materials.clear()
+    _, solid = bake(low, high, card, **how, method="CAST")
+    assert np.abs(solid["height"] - moved["height"])[:, left].max() > 0.1
+
+
 def test_a_tube_is_closed_and_repeats_nothing():
     tube = zoo.sphere("lo", n=8)
     report, found = bake(tube, zoo.sphere("hi", n=64), maps=("AO",), wrap="U")
