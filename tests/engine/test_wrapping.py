@@ -13,7 +13,7 @@ from addon.core.settings import Run, Settings
 from addon.engine import bands, margins
 from addon.engine.baking import texels_of
 from addon.engine.bands import DrawnMaps
-from addon.jobs import Job
+from addon.jobs import Job, live_session
 from addon.jobs.bake_jobs import bake_all
 from tests.support import angles, scenes, zoo
 from tests.support.maps import bake_all_maps, pixels, texel_uv
@@ -258,6 +258,30 @@ def test_what_comes_in_is_cut_out_as_it_is():
     card.data.materials.clear()
     _, solid = bake(low, high, card, **how, method="CAST")
     assert np.abs(solid["height"] - moved["height"])[:, left].max() > 0.1
+
+
+def test_live_wraps_around_as_a_bake():
+    """Also after a change of the high mesh."""
+    low, high = zoo.plane("lo"), relief(n=24)
+    values = {
+        "width": SIDE,
+        "height": SIDE,
+        "wrap": "UV",
+        "margin": 4,
+        "depth": 32,
+        "storage": "MEMORY",
+        "material": False,
+    }
+    session = live_session.Session(bpy.context, Job(low, [high]), Settings(image="map", **values), progress.Pace())
+    session.run(bpy.context)
+    for _ in range(2):
+        _, found = bake(low, high, maps=(), wrap="UV", margin=4)
+        assert np.array_equal(session.texels, found["normal"])
+        high.data.vertices[0].co.z += 0.1
+        high.data.update()
+        bpy.context.view_layer.update()
+        session.run(bpy.context)
+    session.free()
 
 
 def test_a_tube_is_closed_and_repeats_nothing():
