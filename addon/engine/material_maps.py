@@ -32,8 +32,11 @@ from .high_meshes import HighSurface
 from .map_families import FamilyInputs, MapFamily, Mean, Sample
 
 OneFeed = TypeVar("OneFeed")
-EVALUATING = "Cycles evaluates the materials"
-"""What a progress bar says."""
+
+
+def _evaluating(done: float) -> Progress:
+    """The step of what Cycles evaluates."""
+    return Progress("Cycles evaluates the materials", done)
 
 
 @dataclass(frozen=True)
@@ -212,7 +215,7 @@ class MaterialMaps(MapFamily):
         )
         yield from draw_images(uses, drawn, surface, self.load_image, self.run)
         for done, sample in enumerate(drawn if any(self.exact.values()) else ()):
-            yield Progress(EVALUATING, done / len(drawn))
+            yield _evaluating(done / len(drawn))
             with self.run.timings.timed("textures"):
                 self._add_exact(sample)
 
@@ -341,7 +344,7 @@ class OwnNormals:
             uses = [ImageUse(feed.image, table, number, partial(turn, feed)) for feed, number in feeds.items()]
             yield from draw_images(uses, drawn, self.surface, self.load_image, self.run)
         for done, sample in enumerate(drawn if self.exact else ()):
-            yield Progress(EVALUATING, done / len(drawn))
+            yield _evaluating(done / len(drawn))
             with self.run.timings.timed("textures"):
                 self._replace(sample)
 
