@@ -120,7 +120,6 @@ void cast_own()
         cutout_is_solid = true;
         is_last = false;
         first = 0.0;
-        search = -1;
         continue;
       }
 #endif
