@@ -10,6 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from .declarations import bases
+
 
 class Extension(StrEnum):
     """What an image shows outside 0 to 1, as in Blender's Image Texture node."""
@@ -121,6 +123,7 @@ class ExactFeed:
         layers: The keys of Mesh.layers that its nodes read.
         is_of_object: Whether they read the object, so that the instances of a mesh differ.
         has_bumps: Whether they look at what is a texel away, as Bump nodes do.
+        basis: As in NormalMapFeed, of its normal maps.
     """
 
     material: int
@@ -128,6 +131,7 @@ class ExactFeed:
     layers: tuple[tuple[str, str], ...] = ()
     is_of_object: bool = False
     has_bumps: bool = False
+    basis: str = bases.CYCLES.name
 
 
 Feed: TypeAlias = Constant | ImageFeed | AttributeFeed | ExactFeed
@@ -145,12 +149,14 @@ class NormalMapFeed:
         uv_layer: Of its tangents; empty for the active render layer.
         strength: Of the node, from 0 on.
         is_green_down: Whether green stores -Y, as for DirectX.
+        basis: By which it is read: Cycles', or on an object that is baked onto itself that of the baked map.
     """
 
     image: ImageFeed
     uv_layer: str = ""
     strength: float = 1.0
     is_green_down: bool = False
+    basis: str = bases.CYCLES.name
 
 
 @dataclass(frozen=True)

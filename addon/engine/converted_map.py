@@ -15,7 +15,7 @@ from ..core.settings import MapSettings
 from ..core.stored_normals import StoredNormals
 from ..mesh import triangle_mesh
 from ..mesh.triangle_mesh import Mesh
-from ..passes import lit, low_in_uv, mesh_upload, target
+from ..passes import data_texture, lit, low_in_uv, mesh_upload, target
 from .bands import Band, BandMaps, upload_band
 from .normal_space import channels
 
@@ -92,6 +92,23 @@ class ConvertedMap(BandMaps):
 
     def _count(self, decoded: target.Target, band: Band) -> None:
         self.fit.add(decoded.texels(1)[band.halo : band.height - band.halo])
+
+
+class DecodedOnLow:
+    """Tangent-space normals by the basis of a bake, as its low mesh shows them.
+
+    low: with tangents, as `triangle_mesh.with_stretch` has it for that basis.
+    """
+
+    def __init__(self, low: Mesh, map_settings: MapSettings):
+        before = StoredNormals(from_space=Space.TANGENT, from_basis=map_settings.basis)
+        self._low, self._shading = _upload(low), _shading(low, before, map_settings)
+
+    def texels(self, stored: np.ndarray, band: Band) -> np.ndarray:
+        """The normals (rows, columns, 4) in the low object's space, alpha 1, from those that are stored, (rows, columns, 4)."""
+        decoded = target.get("map normals", band.width, band.height, "RGBA32F", "R16F")
+        low_in_uv.draw_map_normals(decoded, self._low, data_texture.image(stored), band.uv_to_clip, self._shading)
+        return decoded.texels()
 
 
 def _upload(low: Mesh) -> gpu.types.GPUBatch:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import gpu
 import numpy as np
 
+from ..core.declarations import bases
 from ..core.declarations.choices import Space
 from ..core.map_types import BY_NAME, Family, MapType
 from ..core.material_feeds import (
@@ -24,10 +25,12 @@ from ..core.material_feeds import (
 from ..core.progress import Progress, Task, part
 from ..core.settings import Run, Settings
 from ..mesh.inputs import Evaluate, HitsOfFeed, LoadImage, Meshes
+from ..mesh.triangles import transformed, unit
 from ..passes import cast, data_texture, low_in_uv, mesh_upload, samples, surface_tables, surface_values, target
 from ..passes.surface_tables import MaterialTable
 from ..passes.surface_values import ImageAtHits
 from .bands import Band
+from .converted_map import DecodedOnLow
 from .high_meshes import HighSurface
 from .map_families import FamilyInputs, MapFamily, Mean, Sample
 
@@ -106,7 +109,7 @@ def evaluate_exact(
     the other, and the values there (N, 3) float32. evaluate: as Meshes has it."""
     triangles, weights = cast.read_hits(sample.hits)
     numbers = np.where(triangles < 0, 0, surface.material_numbers[np.maximum(triangles, 0)])
-    spacing = _spacing(sample, surface, triangles) if any(use.feed.has_bumps for use in uses) else None
+    spacing = _spacing(sample, surface) if any(use.feed.has_bumps for use in uses) else None
     wanted: list[HitsOfFeed] = []
     shown: list[tuple[ExactUse, np.ndarray]] = []
     for use in uses:
@@ -115,42 +118,53 @@ def evaluate_exact(
             continue
         for some, hits in surface.hits_of(use.feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places]):
             shown.append((use, places[some]))
-            more = {"spacing": spacing[places[some]]} if spacing is not None and use.feed.has_bumps else {}
-            wanted.append(replace(hits, **more))
+            is_spaced = use.feed.has_bumps and spacing is not None
+            wanted.append(_spaced(hits, places[some], sample.band, spacing) if is_spaced else hits)
     values = evaluate(wanted) if wanted else []
     return [(use, places, surface_tables.finite(found)) for (use, places), found in zip(shown, values, strict=True)]
 
 
 SEAM = 4.0
 """Two texels of which one is so many times as far as the other are on different parts of the surface."""
+AT_UVS = 0.1
+"""Texels: a hit whose UVs are no farther from its texel was drawn there."""
 
 
-def _spacing(sample: Sample, surface: HighSurface, triangles: np.ndarray) -> np.ndarray:
+def _spacing(sample: Sample, surface: HighSurface) -> np.ndarray:
     """How far the hits of the texels beside each are (N,) float32, in world space: the mean along both axes. 0 where none is
-    known. triangles (rows, columns): of the hits."""
+    known."""
     drawn = target.Target(sample.hits.width, sample.hits.height, ("RGBA32F", "RGBA32F"))
     cast.points(drawn, sample.hits, surface.tables, surface.labels)
     points = drawn.texels()
-    places = np.where(points[..., 3:] > 0.0, points[..., :3], np.nan)
-    along = [_steps(places, triangles, axis) for axis in (0, 1)]
+    places, along = np.where(points[..., 3:] > 0.0, points[..., :3], np.nan), []
+    for axis in (0, 1):
+        step = np.linalg.norm(np.diff(places, axis=axis), axis=-1)
+        before, after = (np.insert(step, end, np.nan, axis=axis) for end in (0, step.shape[axis]))
+        nearer, farther = np.fmin(before, after), np.fmax(before, after)
+        along.append(np.where(farther < SEAM * nearer, (nearer + farther) / 2.0, nearer))
     mean = np.where(np.isnan(along), along[::-1], along).mean(axis=0)
     return (np.nan_to_num(mean) * surface.local_space.size).astype(np.float32).ravel()
 
 
-def _steps(places: np.ndarray, triangles: np.ndarray, axis: int) -> np.ndarray:
-    """How far the two texels beside each are (rows, columns): one on the same triangle, or else the mean. NaN for none.
-
-    places (rows, columns, 3): of the hits, NaN for none.
-    """
-    step = np.linalg.norm(np.diff(places, axis=axis), axis=-1)
-    on_same = np.where(np.diff(triangles, axis=axis) == 0, step, np.nan)
-    before, after, same_before, same_after = (
-        np.insert(one, end, np.nan, axis=axis) for one in (step, on_same) for end in (0, one.shape[axis])
-    )
-    nearer, farther = np.fmin(before, after), np.fmax(before, after)
-    mean = np.where(farther < SEAM * nearer, (nearer + farther) / 2.0, nearer)
-    same = np.fmin(same_before, same_after)
-    return np.where(np.isnan(same), mean, same)
+def _spaced(hits: HitsOfFeed, texels: np.ndarray, band: Band, spacing: np.ndarray) -> HitsOfFeed:
+    """Hits in some texels (N,) of a band with their `spacing`, of all texels; exactly, where the mesh was drawn at its UVs."""
+    mesh, spacing = hits.mesh, spacing[texels]
+    if mesh.uv is None:
+        return replace(hits, spacing=spacing)
+    size, (scale, offset) = (band.width, band.height), np.reshape(band.uv_to_clip, (2, 2))
+    corners = mesh.triangles[hits.triangles]
+    pixels = ((mesh.uv[corners].astype(np.float64) * scale + offset) * 0.5 + 0.5) * size
+    shown = np.einsum("nc,nck->nk", hits.weights, pixels)
+    away = np.abs(shown - np.stack([texels % band.width, texels // band.width], axis=1) - 0.5).max(axis=1)
+    points = transformed(mesh.positions[mesh.vertices[corners]], mesh.to_world)
+    (across, up), edges = np.moveaxis(pixels[:, 1:] - pixels[:, :1], 1, 0), points[:, 1:] - points[:, :1]
+    area = across[:, 0] * up[:, 1] - across[:, 1] * up[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along_x = (edges[:, 0] * up[:, 1:] - edges[:, 1] * across[:, 1:]) / area[:, None]
+        along_y = (edges[:, 1] * across[:, :1] - edges[:, 0] * up[:, :1]) / area[:, None]
+    exact = (np.linalg.norm(along_x, axis=1) + np.linalg.norm(along_y, axis=1)) / 2.0
+    is_exact = (away < AT_UVS) & np.isfinite(exact)
+    return replace(hits, spacing=np.where(is_exact, exact, spacing).astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -334,6 +348,8 @@ class OwnNormals:
         self.bumps, self.bump_table = _numbered([_bump(material) for material in meshes.materials])
         exact = [each.detail if isinstance(each.detail, ExactFeed) else None for each in meshes.materials]
         self.exact, self.evaluate = _exact_uses(*_numbered(exact)), meshes.evaluate
+        is_decoded = meshes.basis is not None and any(feed.basis != bases.CYCLES.name for feed in self.normal_maps)
+        self.low = DecodedOnLow(meshes.basis, run.settings.map) if is_decoded else None
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place. Bump maps lie on the normal maps."""
@@ -361,8 +377,27 @@ class OwnNormals:
         sample.normals.finish()  # before the texture is freed
 
     def _apply_normal_map(self, feed: NormalMapFeed, sample: Sample, at_hits: ImageAtHits) -> None:
+        if feed.basis != bases.CYCLES.name and self.low is not None:
+            self._decode(self.low, feed, sample, at_hits)
+            return
         tangents = self.surface.tangents(feed.uv_layer)
         surface_values.apply_normal_map(sample.normals, at_hits, feed, tangents, self.to_space)
+
+    def _decode(self, low: DecodedOnLow, feed: NormalMapFeed, sample: Sample, at_hits: ImageAtHits) -> None:
+        """Put normals of a map in the place of others, as the low mesh shows them by the basis of the bake."""
+        shown = target.Target(sample.hits.width, sample.hits.height, ("RGBA32F",))
+        target.clear(shown)
+        surface_values.add_image(shown, at_hits)
+        stored = shown.texels()
+        mapped = 2.0 * stored[..., :3] - 1.0
+        mapped *= (feed.strength, -feed.strength if feed.is_green_down else feed.strength, 1.0)
+        mapped[..., 2] = 1.0 + (mapped[..., 2] - 1.0) * min(feed.strength, 1.0)
+        stored[..., :3] = unit(mapped) * 0.5 + 0.5
+        found, texels = low.texels(stored, sample.band), sample.normals.texels()
+        is_known = (stored[..., 3] > 0.0) & (found[..., 3] > 0.0) & (texels[..., 3] > 0.0)
+        texels[is_known, :3] = found[is_known, :3]
+        target.fill(sample.normals, target.COPY, source=data_texture.image(texels))
+        sample.normals.finish()  # before the texture is freed
 
     def _apply_bump(self, feed: BumpFeed, sample: Sample, at_hits: ImageAtHits) -> None:
         surface_values.apply_bump(sample.normals, at_hits, feed, self.to_space, self.surface.local_space.size)

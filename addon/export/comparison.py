@@ -11,6 +11,7 @@ from ..core.declarations import bases
 from ..core.declarations.bases import Basis
 from ..core.declarations.targets import TargetEngine
 from ..core.errors import BakeError
+from ..mesh.triangle_mesh import tangent_axes
 from ..mesh.triangles import angles_between, unit
 from . import map_pictures
 from .baked_low import FileMesh
@@ -24,24 +25,8 @@ def decoded(
     values (N, 3): of the map. weights (N, 3): of the corners of each point's triangle. normals (N, 3, 3), tangents (N, 3, 4):
     of those corners, w the sign of the bitangent.
     """
-    normals, tangents = normals.astype(np.float64), tangents.astype(np.float64)
-    normal, tangent = _mixed(normals, weights), _mixed(tangents[..., :3], weights)
-    signs = tangents[..., 3]
-    if basis.bitangent_of_vertices:
-        bitangent = _mixed(signs[..., None] * np.cross(normals, tangents[..., :3]), weights)
-    if basis.normalizes_normal:
-        normal = unit(normal)
-    if basis.normalizes_tangent:
-        tangent = unit(tangent)
-    if not basis.bitangent_of_vertices:
-        bitangent = np.sign((signs * weights).sum(axis=1))[:, None] * np.cross(normal, tangent)
-    if basis.normalizes_bitangent:
-        bitangent = unit(bitangent)
-    return unit(values[:, :1] * tangent + values[:, 1:2] * bitangent + values[:, 2:] * normal)
-
-
-def _mixed(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return np.einsum("nc,nck->nk", weights, corners)
+    axes = tangent_axes(basis, weights, normals, tangents)
+    return unit(sum(values[:, [number]] * axis for number, axis in enumerate(axes)))
 
 
 POINTS = 200_000

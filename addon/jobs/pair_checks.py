@@ -26,7 +26,7 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import diagonal, transformed
 from ..scene import mesh_reader, object_checks, poses, traced_sides
-from ..scene.high_materials import MaterialNumbers
+from ..scene.high_materials import Itself, MaterialNumbers
 from ..scene.materials.material_reading import NORMAL
 from ..scene.textures import ImageTextures
 from ..scene.traced_sides import Surface
@@ -248,7 +248,7 @@ def _viewport_materials(
         low.evaluated_get(depsgraph),
         sockets=sockets,
         is_exact=is_exact,
-        is_itself=object_checks.is_itself(low, highs),
+        itself=Itself() if object_checks.is_itself(low, highs) else None,
     )
     for high in highs:
         if high.type == "MESH" and not high.data.is_editmode:

@@ -322,6 +322,30 @@ def with_stretch(low: Mesh, basis: str) -> Mesh:
     return replace(low, normals=normals, tangents=tangents, stretch=matrix)
 
 
+def tangent_axes(
+    basis: Basis, weights: np.ndarray, normals: np.ndarray, tangents: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tangent, bitangent and normal, (N, 3) float64 each, that a program with this basis has at points of triangles.
+
+    weights (N, 3): of the corners. normals (N, 3, 3), tangents (N, 3, 4): of these, w the sign of the bitangent.
+    """
+
+    def mixed(corners: np.ndarray) -> np.ndarray:
+        return np.einsum("nc,nck->nk", weights, corners)
+
+    normals, tangents = normals.astype(np.float64), tangents.astype(np.float64)
+    normal, tangent, signs = mixed(normals), mixed(tangents[..., :3]), tangents[..., 3]
+    if basis.normalizes_normal:
+        normal = unit(normal)
+    if basis.normalizes_tangent:
+        tangent = unit(tangent)
+    if basis.bitangent_of_vertices:
+        bitangent = mixed(signs[..., None] * np.cross(normals, tangents[..., :3]))
+    else:
+        bitangent = np.sign((signs * weights).sum(axis=1))[:, None] * np.cross(normal, tangent)
+    return tangent, unit(bitangent) if basis.normalizes_bitangent else bitangent, normal
+
+
 def without_stretch(low: Mesh, basis: str) -> Mesh:
     """`low` before `with_stretch`."""
     if low.stretch is None:

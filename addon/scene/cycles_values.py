@@ -14,10 +14,11 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core import foreach, quiet
+from ..core.declarations import bases
 from ..core.errors import BakeError
 from ..core.preflight import EXACT_POINTS
 from ..mesh.inputs import HitsOfFeed
-from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, TANGENTS, UV_LAYER
+from ..mesh.triangle_mesh import ATTRIBUTE, GENERATED, TANGENTS, UV_LAYER, tangent_axes
 from ..mesh.triangles import transformed
 from . import mesh_writer
 from .materials import emitted
@@ -162,19 +163,21 @@ class _Corners:
     Attributes:
         normals: (N, 3) float32, those of the points: triangles are so small that they have one each.
         sizes: (N,), on the image, as shares of the largest.
+        axes: Of Normal Map nodes, (N, 3) each, by the names of attributes.
     """
 
     points: np.ndarray
     normals: np.ndarray
     layers: Mapping[tuple[str, str], np.ndarray]
     sizes: np.ndarray
+    axes: Mapping[str, np.ndarray]
 
     @classmethod
     def of(cls, hits: Sequence[HitsOfFeed]) -> "_Corners":
         shares, sizes = zip(*(_sizes(one) for one in hits), strict=True)
         normals = [np.einsum("nc,nca->na", one.weights, one.mesh.normals[_triangles(one)]) for one in hits]
         parts = [_around(*of_feed) for of_feed in zip(hits, shares, normals, strict=True)]
-        keys = list(dict.fromkeys(key for one in hits for key in one.feed.layers))
+        keys = list(dict.fromkeys(key for one in hits for key in one.feed.layers if key[0] != TANGENTS))
         joined = {key: _joined(hits, key, parts) for key in keys}
         return cls(
             np.concatenate(
@@ -186,6 +189,7 @@ class _Corners:
             np.concatenate(normals),
             {key: values for key, values in joined.items() if values is not None},
             np.concatenate(sizes),
+            _axes(hits),
         )
 
 
@@ -228,6 +232,21 @@ def _around(hits: HitsOfFeed, shares: np.ndarray, normals: np.ndarray) -> tuple[
     return _triangles(hits), hits.weights[:, None, :] + away
 
 
+def _axes(hits: Sequence[HitsOfFeed]) -> dict[str, np.ndarray]:
+    """As _Corners has them. A mesh without the UV map has its normals alone."""
+    found: dict[str, np.ndarray] = {}
+    for layer in dict.fromkeys(name for one in hits for kind, name in one.feed.layers if kind == TANGENTS):
+        parts = []
+        for one in hits:
+            corners, tangents = _triangles(one), one.mesh.layers.get((TANGENTS, layer))
+            of_corners = np.zeros((*corners.shape, 4), np.float32) if tangents is None else tangents[corners]
+            basis = bases.of_name(one.feed.basis)
+            parts.append(tangent_axes(basis, one.weights, one.mesh.normals[corners], of_corners))
+        for name, axis in zip(emitted.AXES, zip(*parts, strict=True), strict=True):
+            found[name.format(layer)] = np.concatenate(axis).astype(np.float32)
+    return found
+
+
 def _mixed(values: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Values (C, n) at the corners (N, 3), mixed by weights (N, 3, 3): (N, 3, n)."""
     return weights @ values[corners]
@@ -264,9 +283,8 @@ def _build(mesh: bpy.types.Mesh, corners: _Corners, size: tuple[int, int]) -> st
             _add_uv_map(mesh, of_layer, values)
         elif kind == ATTRIBUTE:
             _add_attribute(mesh, of_layer, values)
-        elif kind == TANGENTS:
-            _add_attribute(mesh, emitted.TANGENTS.format(of_layer), values)
-            _add_attribute(mesh, emitted.SMOOTH_NORMALS, np.pad(corners.normals.repeat(3, axis=0), ((0, 0), (0, 1))))
+    for axis, values in corners.axes.items():
+        _add_attribute(mesh, axis, np.pad(values.repeat(3, axis=0), ((0, 0), (0, 1))))
     mesh.update()
     return name
 

@@ -9,6 +9,7 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ..core.declarations import bases
 from ..core.errors import BakeError
 from ..core.map_types import BASE_COLOR, BY_NAME, MARK
 from ..core.material_feeds import (
@@ -105,12 +106,34 @@ Shown = bpy.types.Material | Bare
 """What a slot shows."""
 
 
+@dataclass(frozen=True)
+class Itself:
+    """Of an object that is baked onto itself.
+
+    Attributes:
+        layers: The names of the UV map that is baked onto, in nodes.
+        basis: Of the baked map, by whose rules the object's own normal maps are read: they come back as they are.
+    """
+
+    layers: frozenset[str] = frozenset()
+    basis: str = bases.CYCLES.name
+
+    def read(self, detail: DetailFeed | None) -> DetailFeed | None:
+        """`detail` with the basis of its normal maps."""
+        if isinstance(detail, BumpFeed):
+            return replace(detail, below=self.read(detail.below))
+        if isinstance(detail, NormalMapFeed):
+            return replace(detail, basis=self.basis) if detail.uv_layer in self.layers else detail
+        of_maps = {name for kind, name in detail.layers if kind == TANGENTS} if detail is not None else set()
+        return replace(detail, basis=self.basis) if of_maps and of_maps <= self.layers else detail
+
+
 class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
     sockets, is_exact: as read_materials takes them. low: the low object, evaluated; what the bake leaves in its materials is
-    no detail of a high object that shows the same material, unless is_itself: then nothing is left in them. before: those of
-    an earlier reading, which keep their numbers.
+    no detail of a high object that shows the same material. itself: if the low object is baked onto itself, where nothing is
+    left in its materials. before: those of an earlier reading, which keep their numbers.
     """
 
     def __init__(
@@ -120,10 +143,10 @@ class MaterialNumbers:
         *,
         sockets: Collection[str],
         is_exact: bool = False,
-        is_itself: bool = False,
+        itself: Itself | None = None,
         before: Sequence[HighMaterial] = (),
     ):
-        self.images, self.sockets, self.is_exact, self.is_itself = images, sockets, is_exact, is_itself
+        self.images, self.sockets, self.is_exact, self.itself = images, sockets, is_exact, itself
         self._of_low = {material for material in materials_of(low) if material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
@@ -148,7 +171,9 @@ class MaterialNumbers:
             if material is Bare.COLORED:
                 surface = replace(surface, feeds=surface.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
-                if not self.is_itself:
+                if self.itself:
+                    surface = replace(surface, detail=self.itself.read(surface.detail))
+                else:
                     surface = self._without_what_stays(material, surface)
                 surface = replace(surface, notes=surface.notes | self._notes_on_maps(surface))
             self._found[key] = replace(surface, key=key)

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 
 from ..core import foreach
-from ..core.declarations.choices import ExactMaterials, Method
+from ..core.declarations import bases
+from ..core.declarations.choices import ExactMaterials, Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, PART_ID
 from ..core.material_feeds import HighMaterial
@@ -17,8 +18,8 @@ from ..core.settings import Settings
 from ..mesh import joining, topology
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import GENERATED, FaceCorners, Mesh, changed_rows, changed_share
-from . import mesh_reader, mesh_writer, object_checks, part_ids
-from .high_materials import MaterialNumbers, Shown, read_layers
+from . import mesh_elements, mesh_reader, mesh_writer, object_checks, part_ids
+from .high_materials import Itself, MaterialNumbers, Shown, read_layers
 from .materials.material_reading import CUT_OUTS, NORMAL
 from .textures import ImageTextures
 
@@ -74,9 +75,15 @@ class Reader:
             self.low.evaluated_get(self.depsgraph),
             sockets=sockets,
             is_exact=self.settings.map.exact_materials == ExactMaterials.AUTO,
-            is_itself=self.is_itself,
+            itself=self._itself() if self.is_itself else None,
             before=self.before,
         )
+
+    def _itself(self) -> Itself:
+        is_rendered = mesh_elements.render_layer(self.low.data) == self.low_layer
+        is_tangent = self.settings.map.space == Space.TANGENT
+        basis = self.settings.map.basis if is_tangent else bases.CYCLES.name
+        return Itself(frozenset([self.low_layer, *([""] if is_rendered else [])]), basis)
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""

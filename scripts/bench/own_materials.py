@@ -5,7 +5,7 @@
     .venv/bin/python scripts/bench/own_materials.py [NAME ...] [--size 512] [--mixes 20]
 
 Without NAME, all of tests/support/material_setups.py, and mixes of them. Numbers are steps of 8 bits: of colors as sRGB, of
-normals in tangent space.
+normals in object space.
 """
 
 import argparse

@@ -6,6 +6,10 @@ import mathutils
 import numpy as np
 import pytest
 
+from addon.core.declarations import bases
+from addon.core.material_feeds import BumpFeed
+from addon.scene.materials.material_reading import read_materials
+from addon.scene.textures import ImageTextures
 from tests.support import angles, cycles, maps, material_setups, own_bakes, scenes, zoo
 from tests.support.material_setups import bump
 from tests.support.shader_nodes import add, principled
@@ -13,9 +17,10 @@ from tests.support.shader_nodes import add, principled
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SIZE = (192, 192)
-MEAN, WORST = 0.3, 4.0
-"""In steps of 8 bits. Where triangles are smaller than texels, as on some of this head, how far a texel reaches is less known:
-bumps differ by 2 to 3 there."""
+MEAN, WORST = 0.3, 2.0
+"""In steps of 8 bits."""
+WORST_OF_HEIGHTS = 6.0
+"""Where an image of heights is stretched: Imprint takes the slope over a pixel of the image, Cycles within one."""
 FAST = (
     "image by another UV map",
     "voronoi",
@@ -46,7 +51,9 @@ ALL = {**material_setups.SETUPS, **{f"mix {seed}": material_setups.mixed(seed) f
 )
 def test_each_map_is_what_cycles_bakes(name):
     differences, report = own_bakes.compare(name, ALL[name], SIZE)
-    assert {socket: one for socket, one in differences.items() if not (one.mean < MEAN and one.worst < WORST)} == {}
+    details = [material.detail for material in read_materials(bpy.data.materials, ImageTextures(), is_exact=True)]
+    worst = WORST_OF_HEIGHTS if any(isinstance(detail, BumpFeed) for detail in details) else WORST
+    assert {socket: one for socket, one in differences.items() if not (one.mean < MEAN and one.worst < worst)} == {}
     assert max(one.jumps for one in differences.values()) < 0.4
     assert not [text for text in report.warnings if "left out" in text]
 
@@ -80,7 +87,7 @@ def normal_map(material, texels, **properties):
 
 
 @pytest.mark.parametrize("is_exact", [False, True])
-@pytest.mark.parametrize("basis", ["CYCLES"])
+@pytest.mark.parametrize("basis", [basis.name for basis in bases.BASES])
 @pytest.mark.parametrize("is_hard", [False, True])
 def test_a_normal_map_comes_back_as_it_is(basis, is_hard, is_exact):
     """Of the material, not of the shape, by the same tangents: equal to 8 bits. is_exact: whether Cycles evaluates it."""

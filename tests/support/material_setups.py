@@ -373,7 +373,8 @@ def mixed(seed):
         tint, glow, strength = nodes.mix(material, factor, some(), some(), blend), some(), source.uniform(0.1, 0.6)
         normal = NORMALS[source.choice(list(NORMALS))](material)
         if source.random() < 0.5:
-            normal = bump(material, number(), normal, Strength=0.3)
+            cells = COLORS[source.choice(("ridged noise", "wood", "magic", "noise by object coordinates"))](material)
+            normal = bump(material, _math(material, "ADD", cells, 0.0), normal, Strength=0.3)
         truth = put(material, Base_Color=tint, Roughness=number(), Metallic=number(), Alpha=number(), Normal=normal)
         put(material, Emission_Color=glow, Emission_Strength=strength)
         return truth | {"Emission Color": _scaled(material, glow, strength)}

@@ -73,13 +73,14 @@ def compare(name, make, size):
     obj, truth = head(name, make)
     asked = [MAPS[socket] for socket in truth if socket in MAPS]
     shows_normals = "Normal" in truth
-    report, found = maps.bake_all_maps(obj, obj, maps=asked, size=size, normal=shows_normals, basis="MIKKTSPACE")
+    report, found = maps.bake_all_maps(obj, obj, maps=asked, size=size, normal=shows_normals, space="OBJECT")
     if shows_normals:
         found["normal"] = maps.pixels(bpy.data.images["map"])
     bakes = _Bakes(obj, size)
     # Where smooth normals point behind their face, Cycles bakes the back of the surface, which no render sees.
-    behind, _ = bakes.of("Backfacing", add(obj.data.materials[0], "NewGeometry").outputs["Backfacing"])
-    known = ~cycles.shared(obj, size) & (behind[..., 0] < 0.5)
+    is_back = add(obj.data.materials[0], "NewGeometry").outputs["Backfacing"]
+    behind = np.any([bakes.of("Backfacing", is_back, move)[0][..., 0] > 0.5 for move in MOVES], axis=0)
+    known = ~cycles.shared(obj, size) & ~behind
     differences = {}
     for socket, output in truth.items():
         mine = found[MAPS.get(socket, socket).lower()]
@@ -118,7 +119,7 @@ class _Bakes:
                 diffuse = add(material, "BsdfDiffuse", {"Normal": output}).outputs[0]
                 surface = material.node_tree.get_output_node("CYCLES").inputs["Surface"]
                 material.node_tree.links.new(diffuse, surface)
-            found = cycles.bake_normals(self.obj, self.size, space="TANGENT")
+            found = cycles.bake_normals(self.obj, self.size, space="OBJECT")
         else:
             if not isinstance(output, bpy.types.NodeSocket):
                 color = (output,) * 3 + (1.0,) if isinstance(output, float) else output

@@ -29,8 +29,8 @@ Keep = Callable[[bpy.types.ID], bpy.types.ID]
 """Takes a datablock that was made, and returns it."""
 
 
-TANGENTS, SMOOTH_NORMALS = "Imprint tangents {}", "Imprint normals"
-"""The attributes that the mesh needs for Normal Map nodes: tangents of a UV map as Mesh.layers has them, and normals."""
+AXES = "Imprint tangents {}", "Imprint bitangents {}", "Imprint normals {}"
+"""The attributes that the mesh needs for Normal Map nodes by a UV map: the axes that normals are given in, in its space."""
 
 
 def emitting(source: Material, socket: str, image: Image, keep: Keep) -> Material:
@@ -192,11 +192,7 @@ def _source(tree: NodeTree, socket: NodeSocket, kind: str) -> NodeSocket:
 
 
 def _normal_of_map(tree: NodeTree, node: Node) -> NodeSocket:
-    """What Cycles' Normal Map node gives, from the mesh's normals and its tangents."""
-    tangents, normals = (tree.nodes.new("ShaderNodeAttribute") for _ in range(2))
-    tangents.attribute_name, normals.attribute_name = TANGENTS.format(node.uv_map), SMOOTH_NORMALS
-    tangent, sign = tangents.outputs["Vector"], tangents.outputs["Alpha"]
-    normal = _vector(tree, "NORMALIZE", normals.outputs["Vector"])
+    """What Cycles' Normal Map node gives, by the mesh's attributes AXES."""
     color, strength = (
         _source(tree, node.inputs[name], kind)
         for name, kind in (("Color", "NodeSocketColor"), ("Strength", "NodeSocketFloat"))
@@ -209,10 +205,12 @@ def _normal_of_map(tree: NodeTree, node: Node) -> NodeSocket:
     up = _math(tree, "SUBTRACT", parts.outputs[2], 1.0)
     share = _math(tree, "ADD", strength, 0.0, use_clamp=True)
     z = _math(tree, "ADD", _math(tree, "MULTIPLY", up, share), 1.0)
-    along = _vector(tree, "SCALE", _vector(tree, "CROSS_PRODUCT", normal, tangent), sign)
-    turned = _vector(tree, "SCALE", normal, z)
-    for direction, amount in ((tangent, x), (along, y)):
-        turned = _vector(tree, "ADD", turned, _vector(tree, "SCALE", direction, amount))
+    along = []
+    for name, amount in zip(AXES, (x, y, z), strict=True):
+        axis = tree.nodes.new("ShaderNodeAttribute")
+        axis.attribute_name = name.format(node.uv_map)
+        along.append(_vector(tree, "SCALE", axis.outputs["Vector"], amount))
+    turned = _vector(tree, "ADD", _vector(tree, "ADD", along[0], along[1]), along[2])
     to_world = tree.nodes.new("ShaderNodeVectorTransform")
     to_world.vector_type, to_world.convert_from, to_world.convert_to = "NORMAL", "OBJECT", "WORLD"
     tree.links.new(_vector(tree, "NORMALIZE", turned), to_world.inputs[0])
