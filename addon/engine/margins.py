@@ -7,7 +7,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import MarginType, Space, Wrap
-from ..core.map_types import BY_NAME, DEFERRED, FILLED, MARGIN, MISSED, NORMAL, WRITTEN, Kind, Map
+from ..core.map_types import BY_NAME, DEFERRED, FILLED, MARGIN, MISSED, NORMAL, VECTOR_DISPLACEMENT, WRITTEN, Kind, Map
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
@@ -42,7 +42,7 @@ class Borders:
 class PostProcess:
     """Encodes the values of one map and draws its margin.
 
-    kind: of the values: VALUE, LABEL, NORMAL or TANGENT of margin_fill. A normal n is stored as 0.5 n + 0.5, other values as
+    kind: of the values, as margin_fill has it. A normal n is stored as 0.5 n + 0.5, other values as
     they are. borders: for a margin that continues the adjacent faces; None for a margin of the nearest texels. fills_misses: as
     MapType has it.
     """
@@ -204,6 +204,8 @@ def for_maps(lows: Sequence[Mesh], settings: Settings, *, has_owner: bool = Fals
     normal = margin_fill.TANGENT if settings.map.space == Space.TANGENT else margin_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: margin_fill.VALUE, Kind.LABEL: margin_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.map.drawn_maps)}
+    if settings.map.has_tangent_displacement:
+        kinds[VECTOR_DISPLACEMENT.name] = margin_fill.TANGENT_VECTOR
     processes = {
         name: PostProcess(settings, kind, borders, fills_misses=BY_NAME[name].fills_misses)
         for name, kind in kinds.items()

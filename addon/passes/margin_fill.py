@@ -184,8 +184,9 @@ ACROSS_SEAMS_LISTED = Program(
     outputs=(("VEC4", "map_out"),),
     cost=1.0,
 )
-VALUE, LABEL, NORMAL, TANGENT = range(4)
-"""Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""
+VALUE, LABEL, NORMAL, TANGENT, TANGENT_VECTOR = range(5)
+"""Kinds of values: numbers, numbers that must not be averaged, unit normals, those in tangent space, and vectors along tangent,
+normal and bitangent."""
 FARTHEST_ACROSS = 256
 """The longest way, in texels, on the other side of a seam, as in shaders/lib/seam_lib.glsl."""
 
@@ -227,8 +228,8 @@ def fill_across_seams(
     Args:
         uv_to_clip: to the clip space of `values`.
         reach: how far, in texels, the way to the nearest may be.
-        kind: one of VALUE, LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat
-            surface whose islands are similar to it.
+        kind: VALUE, LABEL, NORMAL, TANGENT or TANGENT_VECTOR; the last two are turned with the similarity, which is exact on a
+            flat surface whose islands are similar to it.
         first_row: the row of the map that is row 0 of `values`.
         is_deferred: store what `colors_across_seams` takes instead of the value, with the state DEFERRED, because `values` are
             only a part of the map: the border's number from 0, the way (x, y) to the nearest written texel, and the row

@@ -5,6 +5,7 @@
 const int SEAM_LABEL = 1;    // numbers that must not be averaged
 const int SEAM_NORMAL = 2;
 const int SEAM_TANGENT = 3;  // normals in tangent space
+const int SEAM_VECTOR = 4;   // along tangent, normal and bitangent, of any length
 const float SEAM_FARTHEST = 256.0;
 
 // The value of a texel of the map, 0 outside of it.
@@ -73,12 +74,14 @@ vec4 seam_value(int border, ivec2 texel, ivec2 beside)
     return vec4(0.0);
   }
   vec3 value = sum.xyz / sum.a;
-  if (kind == SEAM_TANGENT) {
+  if (kind == SEAM_TANGENT || kind == SEAM_VECTOR) {
     // The similarity rotated the directions along the surface: rotate them back.
     vec4 turn = seam_turn(border);
-    value.xy = seam_product(value.xy * vec2(1.0, turn.z), normalize(turn.xy) * vec2(1.0, -turn.z));
+    vec2 along = kind == SEAM_VECTOR ? value.xz : value.xy;
+    along = seam_product(along * vec2(1.0, turn.z), normalize(turn.xy) * vec2(1.0, -turn.z));
+    value = kind == SEAM_VECTOR ? vec3(along.x, value.y, along.y) : vec3(along, value.z);
   }
-  if (kind >= SEAM_NORMAL) {
+  if (kind == SEAM_NORMAL || kind == SEAM_TANGENT) {
     float length_squared = dot(value, value);
     if (length_squared <= 0.0) {
       return vec4(0.0);

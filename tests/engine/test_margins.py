@@ -329,6 +329,25 @@ def test_surface_continues_across_a_seam(name, space, parted):
         assert angles.degrees(angles.decode(plain), seen_from(island, place, space))[beside].max() > 3.0
 
 
+@pytest.mark.parametrize("name", CUTS)
+def test_vectors_along_the_surface_turn_at_a_seam(name):
+    """As normals in tangent space, in another order and of any length."""
+    islands, place = cut(**CUTS[name]), places()
+    values = drawn(islands, "TANGENT")
+    values[..., :3] = 3.0 * values[..., [0, 2, 1]]
+    options = {"name": "DISPLACEMENT", "margin": 16, "margin_type": "ADJACENT_FACES"}
+    texels, state = finished(values, [mesh_of(islands)], tangent_displacement=True, **options)
+    for island, neighbor in (islands, islands[::-1]):
+        z = island.point(place)
+        beside = (state == MARGIN) & (np.abs(z.imag) < 0.8) & ~neighbor.is_over(place, -0.3)
+        beside &= (np.sign(z.real) == -np.sign(island.low.real + island.high.real)) & (
+            np.abs(z.real) * abs(island.factor) < 12.0
+        )
+        assert np.count_nonzero(beside) > 500
+        truth = 3.0 * seen_from(island, place, "TANGENT")[..., [0, 2, 1]]
+        assert np.abs(texels[..., :3] - truth)[beside].max() < 3.0 * np.radians(BLUR)
+
+
 def test_nearest_texel_stays_where_the_surface_ends():
     islands, place = cut(degrees=37.0), places()
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
