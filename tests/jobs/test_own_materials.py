@@ -211,6 +211,13 @@ def test_an_object_alone_has_its_bumps_of_images_and_again():
     assert np.abs(first[..., :2] - 0.5).max() > 0.1
 
 
+def test_normals_that_point_behind_their_face_are_not_turned_over():
+    """Cycles' own bake turns them, and a render does not. Some smooth normals of the head are so."""
+    obj, _ = own_bakes.head("Rust", material_setups.SETUPS["bumps of noise"])
+    found, plain = (maps.bake(obj, obj, size=SIZE, space="OBJECT", detail_maps=on) for on in (True, False))
+    assert angles.degrees(angles.decode(found), angles.decode(plain))[found[..., 3] == 1.0].max() < 90.0
+
+
 def test_a_displacement_that_moves_points_is_told():
     obj, _ = own_bakes.head("Rust", material_setups.SETUPS["displacement"])
     obj.data.materials[0].displacement_method = "BOTH"
