@@ -227,14 +227,19 @@ def check_gpu() -> None:
         raise NoGpu(f"There is no GPU to bake on: {error}.") from error
 
 
-def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
-    """Raise BakeError if the maps cannot be stored or drawn."""
-    for image_settings in settings_by_map(settings).values():
-        outputs.check_storage(low.name, image_settings)
+def check_materials(low: bpy.types.Object, settings: Settings) -> None:
+    """Raise BakeError if maps that go into the materials of `low` cannot."""
     if settings.storing.one_material:
         one_material.check(low)
     if settings.changes_materials:
         materials.check(low, can_be_off=not settings.storing.connect_maps)
+
+
+def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
+    """Raise BakeError if the maps cannot be stored or drawn."""
+    for image_settings in settings_by_map(settings).values():
+        outputs.check_storage(low.name, image_settings)
+    check_materials(low, settings)
     if settings.storing.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(low)
     check_gpu()

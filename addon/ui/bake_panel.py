@@ -14,10 +14,10 @@ from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import ATLAS
 from ..core.settings import Settings
-from ..jobs import bake_jobs, fixes, one_material
-from ..jobs.job import Job, by_material, covers_detail
+from ..jobs import bake_jobs, fixes
+from ..jobs.job import Job, by_material, check_materials, covers_detail
 from ..jobs.pair_checks import Finding
-from ..output import datablocks, map_names, materials, outputs
+from ..output import datablocks, map_names, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs, results, several
@@ -223,10 +223,7 @@ def _is_unsaved(chosen: Chosen) -> bool:
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
     """Why the maps cannot be put into the materials of `low`; empty if they can, or are not."""
     try:
-        if values.storing.one_material:
-            one_material.check(low)
-        if values.changes_materials:
-            materials.check(low, can_be_off=not values.storing.connect_maps)
+        check_materials(low, values)
     except BakeError as error:
         return str(error)
     return ""
