@@ -39,10 +39,13 @@ TANGENT = Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=TANGENT_VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
-    constants=(("MAT4", "to_basis"), ("VEC4", "uv_to_clip"), ("INT", "basis_flags")),
+    constants=(("VEC4", "uv_to_clip"), ("INT", "basis_flags")),
     outputs=(("VEC4", "normal_out"),),
 )
 TANGENT_VECTOR = replace(TANGENT, fragment="bake/tangent_vector_frag.glsl")
+_OF_STRETCH = {"library": "lib/stretch_lib.glsl", "constants": (("MAT4", "to_basis"), *TANGENT.constants)}
+STRETCHED, STRETCHED_VECTOR = (replace(each, **_OF_STRETCH) for each in (TANGENT, TANGENT_VECTOR))
+"""For meshes with other scales along their axes: the others do without a product of matrices for each texel."""
 TURNED = Program(
     vertex="lib/nearer_vert.glsl",
     fragment="bake/turned_frag.glsl",
@@ -71,17 +74,11 @@ def draw_in_tangent_space(
     clear: False to keep other texels of `into`. stopped: as in target.drawing. program: TANGENT_VECTOR for vectors of any
     length, as tangent, normal and bitangent.
     """
-    target.draw(
-        into,
-        program,
-        low,
-        clear=clear,
-        stopped=stopped,
-        normals=normals,
-        to_basis=shader.mat4(np.eye(3) if stretch is None else np.linalg.inv(stretch).T),
-        uv_to_clip=uv_to_clip,
-        basis_flags=basis_flags,
-    )
+    bindings = {"normals": normals, "uv_to_clip": uv_to_clip, "basis_flags": basis_flags}
+    if stretch is not None:
+        program = STRETCHED if program is TANGENT else STRETCHED_VECTOR
+        bindings["to_basis"] = shader.mat4(np.linalg.inv(stretch).T)
+    target.draw(into, program, low, clear=clear, stopped=stopped, **bindings)
 
 
 def not_turned(normals: gpu.types.GPUTexture, turned: target.Target) -> tuple[gpu.types.GPUTexture, np.ndarray]:

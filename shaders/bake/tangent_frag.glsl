@@ -1,8 +1,11 @@
-// Transforms the object-space normal of each texel into the tangent space of the low mesh. to_basis: from object space to the
-// space of the mesh's normals and tangents.
+// Transforms the object-space normal of each texel into the tangent space of the low mesh.
 #include "lib/early_lib.glsl"
 #include "lib/basis_lib.glsl"
 #include "lib/direction_lib.glsl"
+
+#ifndef in_basis_space
+#define in_basis_space(v) (v)
+#endif
 
 void main()
 {
@@ -12,7 +15,7 @@ void main()
     return;
   }
   // The map must be the exact inverse of how it is read.
-  vec3 normal = mat3(to_basis) * object_normal.xyz;
+  vec3 normal = in_basis_space(object_normal.xyz);
   vec3 components = basis_components(normal, basis_of(basis_flags, v_normal, v_tangent, v_bitangent));
   float length_squared = dot(components, components);
   if (!direction_exists(length_squared)) {

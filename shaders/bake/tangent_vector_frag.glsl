@@ -3,6 +3,10 @@
 #include "lib/early_lib.glsl"
 #include "lib/basis_lib.glsl"
 
+#ifndef in_basis_space
+#define in_basis_space(v) (v)
+#endif
+
 void main()
 {
   vec4 vector = texel_at(normals, ivec2(gl_FragCoord.xy));
@@ -11,5 +15,5 @@ void main()
     return;
   }
   mat3 basis = basis_of(basis_flags, v_normal, v_tangent, v_bitangent);
-  normal_out = vec4(basis_components(mat3(to_basis) * vector.xyz, basis).xzy, 1.0);
+  normal_out = vec4(basis_components(in_basis_space(vector.xyz), basis).xzy, 1.0);
 }
