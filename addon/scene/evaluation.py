@@ -181,8 +181,8 @@ def evaluate(
     """What `work` returns of the evaluated `objects`, in Object Mode. Raises what it raises.
 
     Args:
-        work: gets the dependency graph: that of a render, or that of the viewport, in which all objects are visible meanwhile
-            or stand alone. Nothing of it may be kept.
+        work: gets the dependency graph: that of a render, or that of the viewport, in which all objects are visible meanwhile.
+            Nothing of it may be kept.
         modifiers: as in Settings.
         own_base: an object that is baked onto its own mesh, whose modifiers leave UVs where they are.
 
@@ -206,11 +206,9 @@ def evaluate(
         restore.enter_context(in_object_mode(context, objects))
         if own_base is not None:
             _fix_uvs(own_base, restore)
-        if modifiers != Modifiers.VIEWPORT:
-            render_view.check_free()
-            if not all(object_checks.stands_alone(obj) and is_visible(obj) for obj in objects):
-                return render_view.read(context, objects, checked)
-        return checked(context.evaluated_depsgraph_get())
+        if modifiers == Modifiers.VIEWPORT:
+            return checked(context.evaluated_depsgraph_get())
+        return render_view.read(context, objects, checked)
 
 
 @contextmanager

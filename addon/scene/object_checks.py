@@ -171,14 +171,6 @@ def may_differ_in_renders(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool
     return bool(obj.modifiers) and obj.animation_data is not None  # it may drive them
 
 
-def stands_alone(obj: bpy.types.Object) -> bool:
-    """Whether `obj` is a mesh that nothing else shapes or moves: renders see it as the viewport shows it."""
-    others = obj.modifiers, obj.constraints, obj.parent, obj.rigid_body, obj.animation_data
-    if obj.type != "MESH" or shows_more(obj) or any(others):
-        return False
-    return obj.data.shape_keys is None and obj.data.animation_data is None
-
-
 def instance_sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that `obj` shows, but whose changes Blender does not report as changes of `obj`.
 

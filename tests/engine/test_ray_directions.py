@@ -7,11 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit import tally
 from addon.core import progress
 from addon.core.progress import Timings
 from addon.core.settings import Settings
-from addon.engine import ray_casting, ray_distances, tree_cache
+from addon.engine import coverage, ray_casting, ray_distances, tree_cache
 from addon.engine.tree_cache import TreeCache
 from addon.jobs import bake_pair
 from addon.mesh import subdividing
@@ -190,4 +189,4 @@ def test_probes_for_distances_and_checks_are_sliced_too(slow):
     # the map; then the checks on some of its texels: hits, and other layers of the low mesh on both sides.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 9
-    assert max(map(len, slow)) < tally.SAMPLES_A_SIDE, "the map or a probe was drawn at once"
+    assert max(map(len, slow)) < coverage.SAMPLES_A_SIDE, "the map or a probe was drawn at once"

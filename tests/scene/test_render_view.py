@@ -265,28 +265,6 @@ def test_what_blender_says_against_it_is_told(monkeypatch):
         counted(high)
 
 
-SHAPED_OR_MOVED = {
-    "modifier": lambda obj: obj.modifiers.new("Bevel", "BEVEL"),
-    "constraint": lambda obj: obj.constraints.new("COPY_LOCATION"),
-    "parent": lambda obj: setattr(obj, "parent", zoo.plane("parent")),
-    "driver": lambda obj: obj.driver_add("location", 0),
-    "shape keys": lambda obj: obj.shape_key_add(),
-    "instances": lambda obj: setattr(obj, "instance_type", "VERTS"),
-    "hidden": lambda obj: setattr(obj, "hide_viewport", True),
-}
-
-
-@pytest.mark.parametrize("how", [None, *SHAPED_OR_MOVED])
-def test_meshes_that_nothing_shapes_or_moves_are_read_without_a_copy_of_the_scene(how, monkeypatch):
-    low, high = zoo.plane("low"), zoo.plane("high")
-    if how is not None:
-        SHAPED_OR_MOVED[how](high)
-    calls, read = [], render_view.read
-    monkeypatch.setattr(render_view, "read", lambda *given: calls.append(given) or read(*given))
-    reading.read(bpy.context, low, [high], None, Settings(method="CAST"))
-    assert len(calls) == (how is not None)
-
-
 def test_an_object_of_300_is_evaluated_alone():
     """Otherwise each bake of many pairs would evaluate all of them."""
     zoo.plane("low")
