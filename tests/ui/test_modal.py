@@ -44,7 +44,7 @@ class Button(modal.SlicedOperator):
         for name in ("task", "finish", "show", "request", "wanted", "to_settings"):
             if hasattr(operator, name):
                 setattr(self, name, getattr(operator, name).__get__(self))
-        self.low = self.cage = ""
+        self.low, self.cage, self.each = "", "", False
         self.high = ()
         self.options = SimpleNamespace(is_invoke=True)
         self.properties = SimpleNamespace(is_property_set=lambda _: False)
