@@ -150,7 +150,7 @@ class IMPRINT_OT_bake(OnePairOperator, bpy.types.Operator):
         panel = context.scene.imprint
         all_chosen = [] if self.low or self.high else panel.all_chosen(context, is_each=self.each)
         if len(all_chosen) < 2:
-            return (yield from super().task(context, pace))
+            return (yield from OnePairOperator.task(self, context, pace))
         jobs = []
         for chosen in all_chosen:
             settings = self.to_settings(panel, chosen.rays, object_pairs.CHOSEN)
