@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.errors import BakeError
+from ..core.errors import BakeError, shorten_list
 from ..core.file_structure import gltf_files
 from ..core.map_types import NORMAL
 from ..scene import mesh_reader
@@ -204,7 +204,8 @@ def _alone(file: Glb, mesh: int, low: bpy.types.Object, lows: Sequence[bpy.types
     if len(nodes) == len(names):
         return mesh, []
     if len(own) != len(names):
-        return mesh, [f"Other objects have the mesh of {low.name!r}, and show its maps, too."]
+        shown_by = shorten_list(repr(node.get("name", "")) for node in nodes)
+        return mesh, [f"In the file, {shown_by} have the mesh of {low.name!r}, and all of them show its maps."]
     copy = file.add("meshes", deepcopy(file.tree["meshes"][mesh]))
     for node in own:
         node["mesh"] = copy

@@ -278,7 +278,9 @@ def test_where_nodes_cannot_be_told_apart_others_show_the_maps_too(tmp_path):
     (low,) = imported(path, "wheel left")
     low.name = "renamed"
     after, _, warnings = written(path, [low], one_material=True)
-    assert warnings == ["Other objects have the mesh of 'renamed', and show its maps, too."]
+    assert warnings == [
+        "In the file, 'wheel left', 'wheel right' have the mesh of 'renamed', and all of them show its maps."
+    ]
     assert len(after["meshes"]) == 2
 
 
