@@ -317,6 +317,7 @@ def _requests(
     if share_image:
         check_clashes(settings.storing, [requests[0].settings], [ATLAS], read)
     else:
+        one_material.check_apart([job.low for job in jobs], settings.storing)
         check_clashes(settings.storing, [each.settings for each in requests], [job.title for job in jobs], read)
     for request in requests:
         check_job(context, request.job, request.settings)

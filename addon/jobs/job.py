@@ -230,8 +230,8 @@ def check_gpu() -> None:
 def check_materials(low: bpy.types.Object, settings: Settings) -> None:
     """Raise BakeError if maps that go into the materials of `low` cannot."""
     if settings.storing.one_material:
-        one_material.check(low)
-    if settings.changes_materials:
+        one_material.check(low, single_user=settings.storing.single_user)
+    elif settings.changes_materials:
         materials.check(low, can_be_off=not settings.storing.connect_maps)
 
 

@@ -17,9 +17,9 @@ from ..core.map_types import BY_NAME, MARK, NORMAL, OTHERS
 from ..core.material_feeds import Constant
 from ..core.naming import ATLAS
 from ..core.report import Report
-from ..core.settings import Settings
+from ..core.settings import Settings, StorageSettings
 from ..output import materials
-from ..scene import evaluation
+from ..scene import evaluation, object_checks
 from ..scene.high_materials import sets_of
 from ..scene.materials import material_reading
 from ..scene.textures import ImageTextures
@@ -60,11 +60,31 @@ class Shown:
         return cls(low, report.uv_layer, image, report.maps, low in highs)
 
 
-def check(low: Object) -> None:
-    """Raise BakeError if the materials of `low` cannot be replaced."""
-    for block, what in ((low, "it"), (low.data, "its mesh")):
-        if not block.is_editable or block.override_library:
-            raise BakeError(f"{low.name!r} cannot get one material: {what} comes from a library. Make it local first.")
+def check(low: Object, *, single_user: bool) -> None:
+    """Raise BakeError if the materials of `low` cannot be replaced. single_user: whether it gets a mesh of its own for that."""
+    if not _is_local(low):
+        raise BakeError(f"{low.name!r} cannot get one material: it comes from a library. Make it local first.")
+    if not single_user and not _is_local(low.data):
+        raise BakeError(
+            f"{low.name!r} cannot get one material: its mesh comes from a library. Make it local first, or turn Single User on."
+        )
+
+
+def check_apart(lows: Sequence[Object], storing: StorageSettings) -> None:
+    """Raise BakeError if low objects that get an image each, and so a material each, have one mesh."""
+    if not storing.one_material or storing.single_user:
+        return
+    for number, low in enumerate(lows):
+        for other in lows[:number]:
+            if other != low and other.data == low.data:
+                raise BakeError(
+                    f"{other.name!r} and {low.name!r} have the same mesh, and cannot get a material each: turn Single User "
+                    "on, or bake them into one image."
+                )
+
+
+def _is_local(block: bpy.types.ID) -> bool:
+    return block.is_editable and not block.override_library
 
 
 def put(shown: Sequence[Shown], settings: Settings, name: str) -> list[str]:
@@ -73,8 +93,11 @@ def put(shown: Sequence[Shown], settings: Settings, name: str) -> list[str]:
     settings: of the bake. name: of the material, if there is none of an earlier bake.
     """
     old = dict.fromkeys(material for each in shown for material in _used(each))
-    material, notes = _made(list(old), shown, settings, name)
     lows = [each.low for each in shown]
+    again = [material for material in old if len(old) == 1 and material.get(MARK) == ROLE]
+    material, notes = (
+        _taken_again(again[0], shown, settings, name) if again else _made(list(old), shown, settings, name)
+    )
     for each in shown:
         notes += _alone(each.low, material, lows, single_user=settings.storing.single_user)
         layer = each.low.data.uv_layers.get(each.uv_layer)  # modifiers may make it
@@ -96,7 +119,7 @@ def put_checked(
     lows = [each.low for each in shown]
     for low in lows:
         if not on_copies:
-            check(low)
+            check(low, single_user=settings.storing.single_user)
     if is_joined and len(lows) > 1:
         _check_joined(shown)
     shown = _copied(shown) if on_copies else shown
@@ -113,10 +136,40 @@ def _used(shown: Shown) -> list[Material]:
     return materials.of(shown.low, slots, is_own_base=shown.is_own_base)
 
 
+def _taken_again(old: Material, shown: Sequence[Shown], settings: Settings, name: str) -> tuple[Material, list[str]]:
+    """The one material of an earlier bake, or a copy if other objects would then show maps that they do not. Returns notes."""
+    lows, single_user = [each.low for each in shown], settings.storing.single_user
+    following = set() if single_user else {low.data for low in lows}  # they get what `lows` get
+    layer = shown[0].uv_layer if _shows_all(old, shown[0], settings) else ""
+    others = [
+        repr(obj.name)
+        for obj in bpy.data.objects
+        if obj not in lows
+        and any(
+            slot.material == old and not (slot.link == "DATA" and obj.data in following) for slot in obj.material_slots
+        )
+        and not any(each.name == layer and each.active_render for each in getattr(obj.data, "uv_layers", ()))
+        and not object_checks.is_deleted(obj)
+    ]
+    if not others and _is_local(old):
+        return old, []
+    copy = old.copy()
+    copy.make_local()  # the copy of a library override is an override too
+    copy.name = name
+    whose = f"also on {shorten_list(others)}" if others else "linked from a library"
+    names, verb = shorten_list(repr(low.name) for low in lows), "show" if lows[1:] else "shows"
+    return copy, [f"The material {old.name!r} is {whose}: {names} now {verb} the copy {copy.name!r}."]
+
+
+def _shows_all(material: Material, shown: Shown, settings: Settings) -> bool:
+    """Whether a material has all images of the bake already, as for objects that share them."""
+    images, _ = materials.images_of_report(shown.maps, settings.map.space)
+    wanted = {each.image for each in images.values()} | ({shown.image} if settings.map.normal else set())
+    return wanted <= {getattr(node, "image", None) for node in material.node_tree.nodes}
+
+
 def _made(old: Sequence[Material], shown: Sequence[Shown], settings: Settings, name: str) -> tuple[Material, list[str]]:
     """The material, without the maps, and what they lack of the `old` ones, in sentences."""
-    if len(old) == 1 and old[0].get(MARK) == ROLE:
-        return old[0], []
     material = bpy.data.materials.new(name)
     material[MARK] = ROLE
     older_blender.switch_on_nodes(material)
@@ -198,21 +251,28 @@ def _counts(name: str, shaders: Sequence[bpy.types.Node]) -> bool:
 
 def _alone(low: Object, material: Material, lows: Sequence[Object], *, single_user: bool) -> list[str]:
     """Make `material` the only one of `low`, on all faces. lows: all that get it. Returns notes."""
-    notes = []
     with evaluation.in_object_mode(bpy.context, [low]):
-        others = [obj.name for obj in bpy.data.objects if obj.data == low.data and obj not in lows and obj.users]
-        if others and single_user:
+        others = object_checks.with_mesh_of(low, lows)
+        if single_user and (others or not _is_local(low.data)):
             low.data = low.data.copy()
-        elif others:
-            names = shorten_list(map(repr, others))
-            notes.append(f"The mesh of {low.name!r} is also that of {names}, which show the one material, too.")
-        if [slot.material for slot in low.material_slots] != [material]:
-            data: Mesh = low.data
+            low.data.make_local()  # the copy of a library override is an override too
+            others = []
+        data: Mesh = low.data
+        if any(slot.link == "OBJECT" for obj in others for slot in obj.material_slots):
+            for slot in low.material_slots:
+                slot.link = "DATA"
+            for number in range(len(data.materials)):  # without slots, the others would lose their own materials
+                data.materials[number] = material
+        elif [slot.material for slot in low.material_slots] != [material]:
             data.materials.clear()
             data.materials.append(material)
             data.polygons.foreach_set("material_index", np.zeros(len(data.polygons), np.int32))
             data.update()
-    return notes
+    names = [repr(obj.name) for obj in others if any(slot.material == material for slot in obj.material_slots)]
+    if not names:
+        return []
+    verb = "show" if names[1:] else "shows"
+    return [f"The mesh of {low.name!r} is also that of {shorten_list(names)}, which {verb} the one material, too."]
 
 
 def _copied(shown: Sequence[Shown]) -> list[Shown]:

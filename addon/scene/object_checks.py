@@ -2,7 +2,7 @@
 """Objects: references to them that last, and whether they can be baked."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -73,6 +73,11 @@ def is_deleted(obj: bpy.types.Object) -> bool:
     if obj.library is not None or bpy.context.view_layer.objects.get(obj.name) == obj:
         return False
     return not obj.users_collection  # slower: it goes through all collections
+
+
+def with_mesh_of(low: bpy.types.Object, lows: Collection[bpy.types.Object]) -> list[bpy.types.Object]:
+    """The objects beside `lows` that have the mesh of `low`."""
+    return [obj for obj in bpy.data.objects if obj.data == low.data and obj not in lows and not is_deleted(obj)]
 
 
 def object_by_name(name: str) -> bpy.types.Object:

@@ -241,3 +241,74 @@ def test_what_joining_would_lose_is_refused(what):
             bpy.context, shown(reports), scenes.settings(maps=MAPS), on_copies=False, is_joined=True
         )
     assert [len(obj.material_slots) for obj in (first, second)] == [3, 3]
+
+
+def test_objects_that_are_not_baked_keep_the_material():
+    first, second = apart(striped("a"), striped("b"))
+    baked_together([first, second])
+    atlas = fed_by(shader_of(second), "Base Color")
+    report = bake(first)
+    assert fed_by(shader_of(first), "Base Color") == report.maps["base_color"]["image"] != atlas
+    assert fed_by(shader_of(second), "Base Color") == atlas
+    assert any("'atlas' is also on 'b': 'a' now shows the copy 'a" in text for text in report.warnings)
+    material = first.data.materials[0]
+    bake(first)
+    assert list(first.data.materials) == [material]
+
+
+def test_one_of_the_objects_in_an_image_keeps_their_material():
+    """It shows the same images after a bake of one alone."""
+    first, second = apart(striped("a"), striped("b"))
+    baked_together([first, second])
+    (report,) = baked_together([first])
+    (only,) = {slot.material for obj in (first, second) for slot in obj.material_slots}
+    assert fed_by(shader_of(second), "Base Color") == report.maps["base_color"]["image"]
+    assert not [text for text in report.warnings if "copy" in text]
+    (report,) = baked_together([first], maps=(*MAPS, "METALLIC"))
+    assert first.data.materials[0] != only == second.data.materials[0]
+    assert any("'atlas' is also on 'b'" in text for text in report.warnings)
+
+
+def twin_of(obj):
+    """Another object with the same mesh."""
+    twin = bpy.data.objects.new("twin", obj.data)
+    bpy.context.scene.collection.objects.link(twin)
+    twin.location.x = 5.0
+    return twin
+
+
+def test_a_mesh_of_two_objects_gets_no_two_materials():
+    obj = striped()
+    jobs = [Job(each, [each]) for each in (obj, twin_of(obj))]
+    wanted = {"method": "AUTO", "maps": MAPS, "one_material": True}
+    with pytest.raises(BakeError, match="'shape' and 'twin' have the same mesh, and cannot get a material each"):
+        bake_all(bpy.context, jobs, scenes.settings(**wanted))
+    assert not bpy.data.images
+    first, second = bake_all(bpy.context, jobs, scenes.settings(**wanted, single_user=True))
+    for job, report in zip(jobs, (first, second), strict=True):
+        assert fed_by(shader_of(job.low), "Base Color") == report.maps["base_color"]["image"]
+
+
+def test_materials_of_another_object_on_the_mesh_stay():
+    obj = striped()
+    twin = twin_of(obj)
+    own = [material("own", color) for color in COLORS]
+    for slot, each in zip(twin.material_slots, own, strict=True):
+        slot.link = "OBJECT"
+        slot.material = each
+    report = bake(obj)
+    assert [(slot.link, slot.material) for slot in twin.material_slots] == [("OBJECT", each) for each in own]
+    assert {slot.material.name for slot in obj.material_slots} == {"shape"}
+    assert not [text for text in report.warnings if "'twin'" in text]
+
+
+def test_a_mesh_of_a_library_is_copied_for_a_single_user(tmp_path):
+    obj = striped()
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {obj.data})
+    with bpy.data.libraries.load(path, link=True) as (there, here):
+        here.meshes = there.meshes
+    obj.data = here.meshes[0]
+    report = bake(obj, single_user=True)
+    assert obj.data.library is None
+    assert fed_by(shader_of(obj), "Base Color") == report.maps["base_color"]["image"]
