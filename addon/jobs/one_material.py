@@ -23,6 +23,7 @@ from ..scene import evaluation, object_checks
 from ..scene.high_materials import sets_of
 from ..scene.materials import material_reading
 from ..scene.textures import ImageTextures
+from . import joining
 
 ROLE = "one material"
 """The mark of such a material, by which the next bake finds it again."""
@@ -116,17 +117,21 @@ def put_checked(
     on_copies: whether copies get it; the objects stay, hidden in the viewport. is_joined: whether all become one object.
     Raises BakeError, and then nothing has changed.
     """
-    lows = [each.low for each in shown]
+    lows, single_user = [each.low for each in shown], settings.storing.single_user
+    is_joined = is_joined and len(lows) > 1
     for low in lows:
         if not on_copies:
-            check(low, single_user=settings.storing.single_user)
-    if is_joined and len(lows) > 1:
-        _check_joined(shown)
-    shown = _copied(shown) if on_copies else shown
+            check(low, single_user=single_user)
+        if on_copies or is_joined:
+            evaluation.check_can_show(context, low)
+    if is_joined:
+        layers = [each.uv_layer for each in shown]
+        joining.check(context, lows, layers, are_copied=on_copies, has_own_mesh=single_user)
+    shown = _copied(context, shown) if on_copies else shown
     lows = [each.low for each in shown]
     warnings = put(shown, settings, ATLAS if len(lows) > 1 else lows[0].name)
-    if is_joined and len(lows) > 1:
-        _join(context, lows)
+    if is_joined:
+        joining.join(context, lows)
     return warnings
 
 
@@ -275,52 +280,23 @@ def _alone(low: Object, material: Material, lows: Sequence[Object], *, single_us
     return [f"The mesh of {low.name!r} is also that of {shorten_list(names)}, which {verb} the one material, too."]
 
 
-def _copied(shown: Sequence[Shown]) -> list[Shown]:
+def _copied(context: bpy.types.Context, shown: Sequence[Shown]) -> list[Shown]:
     """Copies of the objects with meshes of their own, in the same collections. The originals are hidden in the viewport."""
     result = []
     for each in shown:
         copy = each.low.copy()
         copy.data = each.low.data.copy()
-        for collection in each.low.users_collection:
+        collections = [collection for collection in each.low.users_collection if collection.is_editable]
+        for collection in collections or [context.scene.collection]:
             collection.objects.link(copy)
         each.low.hide_set(True)
         result.append(replace(each, low=copy))
     return result
 
 
-def _check_joined(shown: Sequence[Shown]) -> None:
-    """Raise BakeError if joining the objects would lose more than their names."""
-    layers = dict.fromkeys(each.uv_layer for each in shown)
-    if len(layers) > 1:
-        raise BakeError(
-            f"The maps are on UV maps of several names, {shorten_list(map(repr, layers))}: give these one name to join the "
-            "objects."
-        )
-    first, *others = (each.low for each in shown)
-    for low in others:
-        if _modifiers(low) != _modifiers(first):
-            raise BakeError(
-                f"{low.name!r} has other modifiers than {first.name!r}, and would lose them: apply them to join the objects."
-            )
-
-
 def join(context: bpy.types.Context, reports: Sequence[Report]) -> None:
     """Join the low objects of bakes with one material into the first one. Raises BakeError if that would lose something."""
     shown = list(map(Shown.of, reports))
-    _check_joined(shown)
-    _join(context, [each.low for each in shown])
-
-
-def _join(context: bpy.types.Context, lows: Sequence[Object]) -> None:
-    """Join the objects into the first one."""
-    with evaluation.in_object_mode(context, lows):
-        for low in lows:
-            evaluation.show_object(context, low)
-        with context.temp_override(
-            active_object=lows[0], object=lows[0], selected_objects=lows, selected_editable_objects=lows
-        ):
-            bpy.ops.object.join()
-
-
-def _modifiers(low: Object) -> list[tuple]:
-    return [(each.type, each.name, getattr(each, "object", None)) for each in low.modifiers]
+    lows = [each.low for each in shown]
+    joining.check(context, lows, [each.uv_layer for each in shown])
+    joining.join(context, lows)

@@ -242,11 +242,11 @@ class _Uses:
             return used
         if block.type == "EMPTY":  # it shows an image, which is no part of a mesh
             return [each for each in used if each != block.data]
-        noted = _noted_by(block)
+        noted = noted_by(block)
         return [each for each in used if each not in noted] if noted else used
 
 
-def _noted_by(obj: bpy.types.Object) -> set[bpy.types.ID]:
+def noted_by(obj: bpy.types.Object) -> set[bpy.types.ID]:
     """The high objects, the cage and the maps that Imprint keeps with a low object, if its mesh is not made from them."""
     pair = older_blender.kept_properties(obj).get("imprint")
     if pair is None:

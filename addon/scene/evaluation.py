@@ -81,6 +81,18 @@ def show_object(context: bpy.types.Context, obj: bpy.types.Object) -> None:
         raise BakeError(f"{obj.name!r} is in a hidden collection: show the collection.")
 
 
+def check_can_show(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Raise BakeError if `obj` cannot be shown or hidden by itself, because of its collection. It stays as it is."""
+    with ExitStack() as restore:
+        is_here = obj in context.view_layer.objects.values()
+        if is_here:
+            set_until(obj, "hide_viewport", False, restore)
+            _unhide(obj, restore)
+            context.view_layer.update()
+        if not is_here or not is_visible(obj):
+            raise BakeError(f"{obj.name!r} is in a hidden or excluded collection: show the collection.")
+
+
 def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
     """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye icon in the Outliner."""
     if is_visible(obj):

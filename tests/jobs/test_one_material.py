@@ -228,21 +228,6 @@ def test_copies_leave_the_objects_as_they_are():
     assert [layer.name for layer in joined.data.uv_layers] == [layer.name for layer in objects[0].data.uv_layers]
 
 
-@pytest.mark.parametrize("what", ["uv", "modifier"])
-def test_what_joining_would_lose_is_refused(what):
-    first, second = apart(striped("a"), striped("b"))
-    if what == "uv":
-        second.data.uv_layers[0].name = "of its own"
-    else:
-        second.modifiers.new("Mirror", "MIRROR").show_viewport = False
-    reports = baked_together([first, second], one_material=False)
-    with pytest.raises(BakeError, match="UV maps of several names" if what == "uv" else "has other modifiers"):
-        one_material.put_checked(
-            bpy.context, shown(reports), scenes.settings(maps=MAPS), on_copies=False, is_joined=True
-        )
-    assert [len(obj.material_slots) for obj in (first, second)] == [3, 3]
-
-
 def test_objects_that_are_not_baked_keep_the_material():
     first, second = apart(striped("a"), striped("b"))
     baked_together([first, second])
@@ -312,3 +297,87 @@ def test_a_mesh_of_a_library_is_copied_for_a_single_user(tmp_path):
     report = bake(obj, single_user=True)
     assert obj.data.library is None
     assert fed_by(shader_of(obj), "Base Color") == report.maps["base_color"]["image"]
+
+
+def test_copies_of_what_cannot_be_hidden_are_refused():
+    objects = apart(striped("a"), striped("b"))
+    reports = baked_together(objects, one_material=False)
+    collection = bpy.data.collections.new("excluded")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(objects[1])
+    bpy.context.scene.collection.objects.unlink(objects[1])
+    bpy.context.view_layer.layer_collection.children["excluded"].exclude = True
+    with pytest.raises(BakeError, match="'b' is in a hidden or excluded collection"):
+        one_material.put_checked(
+            bpy.context, shown(reports), scenes.settings(maps=MAPS), on_copies=True, is_joined=False
+        )
+    assert len(bpy.data.objects) == 2
+    assert not objects[0].hide_get()
+
+
+def child_of(obj):
+    child = bpy.data.objects.new("child", None)
+    bpy.context.scene.collection.objects.link(child)
+    child.parent = obj
+
+
+def follow(obj):
+    follower = bpy.data.objects.new("follower", None)
+    bpy.context.scene.collection.objects.link(follower)
+    follower.constraints.new("COPY_LOCATION").target = obj
+
+
+LOST = {
+    "uv": (lambda first, second: setattr(second.data.uv_layers[0], "name", "of its own"), "UV maps of several names"),
+    "modifier": (lambda first, second: second.modifiers.new("Weld", "WELD"), "has other modifiers"),
+    "setting": (
+        lambda first, second: setattr(second.modifiers[0], "quad_method", "FIXED"),
+        "has other modifiers than 'a', or other settings",
+    ),
+    "curve": (
+        lambda first, second: [
+            each.modifiers.new("Bevel", "BEVEL").custom_profile.points.add(0.2, share)
+            for each, share in ((first, 0.3), (second, 0.6))
+        ],
+        "has other modifiers than 'a', or other settings",
+    ),
+    "mirrored": (lambda first, second: setattr(second.scale, "x", -1.0), "mirrors either 'b' or 'a'"),
+    "child": (lambda first, second: child_of(second), "'child' depends on 'b'"),
+    "constraint": (lambda first, second: follow(second), "'follower' depends on 'b'"),
+    "parent": (lambda first, second: setattr(first, "parent", second), "'a' depends on 'b'"),
+    "mesh": (lambda first, second: twin_of(first), "mesh of 'a' is also that of 'twin', which would get all faces"),
+}
+"""What joining would lose or change, by what makes it so."""
+
+
+@pytest.mark.parametrize("what", LOST)
+def test_what_joining_would_lose_is_refused(what):
+    change, message = LOST[what]
+    objects = apart(striped("a"), striped("b"))
+    change(*objects)
+    reports = baked_together(objects, one_material=False)
+    with pytest.raises(BakeError, match=message):
+        one_material.put_checked(
+            bpy.context, shown(reports), scenes.settings(maps=MAPS), on_copies=False, is_joined=True
+        )
+    assert [len(obj.material_slots) for obj in objects] == [3, 3]
+
+
+@pytest.mark.parametrize("what", ["child", "constraint", "parent", "mesh"])
+def test_copies_are_joined_beside_what_depends_on_the_objects(what):
+    objects = apart(striped("a"), striped("b"))
+    LOST[what][0](*objects)
+    count = len(bpy.data.objects)
+    reports = baked_together(objects, one_material=False)
+    one_material.put_checked(bpy.context, shown(reports), scenes.settings(maps=MAPS), on_copies=True, is_joined=True)
+    assert len(bpy.data.objects) == count + 1
+    assert [len(obj.data.polygons) for obj in objects] == [16, 16]
+
+
+def test_a_mesh_of_two_objects_is_joined_for_a_single_user():
+    objects = apart(striped("a"), striped("b"))
+    twin = twin_of(objects[0])
+    reports = baked_together(objects, one_material=False)
+    settings = scenes.settings(maps=MAPS, single_user=True)
+    one_material.put_checked(bpy.context, shown(reports), settings, on_copies=False, is_joined=True)
+    assert (len(objects[0].data.polygons), len(twin.data.polygons)) == (32, 16)
