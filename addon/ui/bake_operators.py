@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
-from ..core.declarations.choices import Method
+from ..core import naming
+from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError, in_window
 from ..core.progress import Pace, Progress, Task, relay
 from ..core.report import Report
@@ -82,6 +83,13 @@ def bake_several(
     return done
 
 
+def _is_for_several(settings: Settings) -> bool:
+    """Whether images and files are named alike for all low objects, so that maps of another one may be there and must stay."""
+    storing = settings.storing
+    names = [storing.image or naming.USUAL, *([storing.output] if storing.storage == Storage.FILE else [])]
+    return not settings.map.texture_sets and not any(map(naming.has_low, names))
+
+
 def _ready(
     context: bpy.types.Context, jobs: Sequence[Job], settings: list[Settings], left_out: list[tuple[str, str]]
 ) -> list[Job]:
@@ -117,7 +125,8 @@ class OnePairOperator(BakeOperator, Options):
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         job, settings, wants = self.request(context)
-        return (yield from bake_jobs.work(context, [job], settings, pace, wants=wants))
+        shares = context.scene.imprint.share_image and _is_for_several(settings)
+        return (yield from bake_jobs.work(context, [job], settings, pace, wants=wants, share_image=shares))
 
     def request(self, context: bpy.types.Context) -> tuple[Job, Settings, Wants]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
