@@ -21,19 +21,24 @@ class Part:
     """Its vertices (T, 3) int."""
     share: slice
     """Its triangles among those of the mesh."""
+    vertex: int
+    """The number that Blender's importer gives the first of its vertices."""
 
 
 def parts_of(file: Glb, mesh: int) -> list[Part]:
     """The primitives of a mesh that have triangles."""
-    result, begin = [], 0
+    result, begin, vertex = [], 0, 0
     for number, primitive in enumerate(file.tree["meshes"][mesh]["primitives"]):
+        if "POSITION" not in primitive["attributes"]:
+            continue
         if "indices" in primitive:
             indices = file.whole(primitive["indices"])[:, 0].astype(np.int64)
         else:
             indices = np.arange(file.tree["accessors"][primitive["attributes"]["POSITION"]]["count"])
         if (triangles := _triangles(indices, primitive.get("mode", 4))) is not None:
-            result.append(Part(number, triangles, slice(begin, begin + len(triangles))))
+            result.append(Part(number, triangles, slice(begin, begin + len(triangles)), vertex))
             begin += len(triangles)
+        vertex += len(np.unique(indices if triangles is None else triangles))  # also those of points and lines
     return result
 
 
@@ -52,12 +57,29 @@ def _triangles(indices: np.ndarray, mode: int) -> np.ndarray | None:
 
 def as_imported(parts: Sequence[Part]) -> np.ndarray:
     """The triangles (T, 3) of all parts, by the numbers that Blender's importer gives their vertices."""
-    rows, begin = [np.zeros((0, 3), np.int64)], 0
+    numbers = [np.unique(part.triangles, return_inverse=True)[1].reshape(-1, 3) + part.vertex for part in parts]
+    return np.concatenate([np.zeros((0, 3), np.int64), *numbers])
+
+
+def surface_of(
+    file: Glb, primitives: Sequence[dict], parts: Sequence[Part]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The points (T, 3, 3), vertices (T, 3) and normals (T, 3, 3) at the corners of all parts, in the axes of glTF.
+
+    The vertices are those of `as_imported`. Primitives without normals have those of their faces, as glTF says.
+    """
+    points, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))]
     for part in parts:
-        found, numbers = np.unique(part.triangles, return_inverse=True)
-        rows.append(numbers.reshape(-1, 3) + begin)
-        begin += len(found)
-    return np.concatenate(rows)
+        attributes = primitives[part.number]["attributes"]
+        points.append(numbers_of(file, attributes["POSITION"])[part.triangles])
+        if "NORMAL" in attributes:
+            normals.append(numbers_of(file, attributes["NORMAL"])[part.triangles])
+        else:
+            a, b, c = points[-1].transpose(1, 0, 2)
+            across = np.cross(b - a, c - a)
+            across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), np.finfo(float).tiny)
+            normals.append(across[:, None].repeat(3, axis=1))
+    return np.concatenate(points), as_imported(parts), np.concatenate(normals)
 
 
 def faces_kept(triangles: np.ndarray, data: bpy.types.Mesh) -> np.ndarray | None:
@@ -139,7 +161,7 @@ def join_primitives(file: Glb, mesh: dict) -> None:
     groups: dict[object, list[dict]] = {}
     for number, primitive in enumerate(mesh["primitives"]):
         is_plain = primitive.get("mode", 4) == 4 and not {"extras", "extensions"} & primitive.keys()
-        has_all = "indices" in primitive and "material" in primitive
+        has_all = {"indices", "material"} <= primitive.keys() and "POSITION" in primitive["attributes"]
         groups.setdefault(_shape(file, primitive) if is_plain and has_all else number, []).append(primitive)
     mesh["primitives"] = [_joined(file, group) if len(group) > 1 else group[0] for group in groups.values()]
 

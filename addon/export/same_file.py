@@ -20,12 +20,23 @@ from ..scene import mesh_reader
 from . import binary_gltf
 from .baked_low import BakedLow
 from .binary_gltf import Glb
-from .primitives import Part, as_imported, faces_kept, join_primitives, numbers_of, parts_of, write_corners
+from .primitives import (
+    Part,
+    as_imported,
+    faces_kept,
+    join_primitives,
+    numbers_of,
+    parts_of,
+    surface_of,
+    write_corners,
+)
 from .same_materials import Maps, Materials
 from .staging import Staged
 
 SAME_UV = 1e-6
 """By how much UVs of a set of the file may differ from those of the bake."""
+SAME_POINT = 1e-5
+"""By how much points may differ from the file's, by the largest coordinate."""
 
 
 def with_maps_alone(low: BakedLow) -> BakedLow:
@@ -72,35 +83,56 @@ def _materials_of(file: Glb, targets: Sequence["_Target"]) -> list[dict]:
 def _mesh_of(
     file: Glb, triangles: Sequence[np.ndarray], low: bpy.types.Object, taken: Collection[int], source: Path
 ) -> int:
-    """The number of the mesh that an object has in the file. Raises BakeError if there is none.
+    """The number of the mesh that an object has in the file. Raises BakeError if there is none, or if it cannot be told.
 
     triangles: of each mesh, as `as_imported` returns them. taken: meshes of other objects; Blender may have made two of one.
     """
-    data, fitting = low.data, []
-    for number, mesh in enumerate(file.tree["meshes"][: len(triangles)]):
+    data, fitting, numbered = low.data, [], _by_number(file, low.data.name)
+    for number, mesh in enumerate(file.tree.get("meshes", ())[: len(triangles)]):
         if faces_kept(triangles[number], data) is not None:
-            name = mesh.get("name", f"Mesh_{number}")
+            name = mesh.get("name") or f"Mesh_{number}"
             nodes = {node.get("name") for node in file.tree.get("nodes", ()) if node.get("mesh") == number}
             # Blender adds numbers to names that are there twice.
             is_other = low.name not in nodes, data.name != name, not data.name.startswith(name)
-            fitting.append((is_other, _distance(file, mesh, data), number in taken, number))
+            fitting.append(((is_other, _distance(file, number, data), number != numbered), number in taken, number))
     if not fitting:
         raise BakeError(
             f"{low.name!r} has other faces than in {source.name!r}, so its maps cannot be put into that file: write another "
             "format, or do not change the mesh."
         )
-    return min(fitting)[-1]
+    best = min(fitting)
+    if [how for how, *_ in fitting].count(best[0]) > 1:
+        raise BakeError(
+            f"{source.name!r} has several meshes like that of {low.name!r}, and none has its name: give each a name of its own."
+        )
+    return best[-1]
 
 
-def _distance(file: Glb, mesh: dict, data: bpy.types.Mesh) -> float:
-    """How far the first vertex is from where the file has it: two meshes may have faces alike."""
-    primitive = mesh["primitives"][0]
-    place = file.whole(primitive["attributes"]["POSITION"])[_first(file, primitive)].astype(np.float64)
-    return float(np.abs(np.array(data.vertices[0].co) - [place[0], -place[2], place[1]]).max())
+def _by_number(file: Glb, name: str) -> int | None:
+    """The mesh of which Blender's importer has made the mesh `name`, by the number that it added to it."""
+    nodes, made = file.tree.get("nodes", ()), []
+    base, dot, number = name.rpartition(".")
+    is_numbered = bool(dot) and number.isdecimal()
+    children = {child for node in nodes for child in node.get("children", ())}
+    waiting = [place for place in reversed(range(len(nodes))) if place not in children]
+    while waiting:  # in the order of the importer
+        node = nodes[waiting.pop()]
+        waiting += reversed(node.get("children", ()))
+        mesh = file.tree["meshes"][node["mesh"]] if "mesh" in node else {}
+        is_own = any(each.get("targets") for each in mesh.get("primitives", ()))  # then Blender has one for each node
+        key = node.get("mesh"), node.get("skin")
+        if mesh and mesh.get("name") == (base if is_numbered else name) and (is_own or key not in made):
+            made.append(key)
+    place = int(number) if is_numbered else 0
+    return made[place][0] if place < len(made) else None
 
 
-def _first(file: Glb, primitive: dict) -> int:
-    return int(file.whole(primitive["indices"]).min()) if "indices" in primitive else 0
+def _distance(file: Glb, number: int, data: bpy.types.Mesh) -> float:
+    """How far the first vertex is from where mesh `number` of the file has it: two meshes may have faces alike."""
+    part = next(part for part in parts_of(file, number) if len(part.triangles))
+    primitive = file.tree["meshes"][number]["primitives"][part.number]
+    place = numbers_of(file, primitive["attributes"]["POSITION"])[part.triangles.min()]
+    return float(np.abs(np.array(data.vertices[part.vertex].co) - _z_up(place[None])[0]).max())
 
 
 @dataclass(frozen=True)
@@ -119,22 +151,34 @@ class _Corners:
     known: np.ndarray
 
     @classmethod
-    def of(cls, one: Staged, known: np.ndarray, *, has_normals: bool) -> "_Corners":
-        """Of a low object. has_normals: whether it has a normal map, which needs tangents."""
+    def of(cls, file: Glb, mesh: int, parts: Sequence[Part], one: Staged, *, has_normals: bool) -> "_Corners":
+        """Of a low object that is a mesh of the file. has_normals: whether it has a normal map, which needs tangents."""
         low, layer, data = one.baked.low, next(iter(one.baked.uvs)), one.baked.low.data
+        known = faces_kept(as_imported(parts), data)
 
         def spread(values: np.ndarray) -> np.ndarray:
             result = np.zeros((len(known), *values.shape[1:]), values.dtype)
             result[known] = values
             return result
 
-        uv = mesh_reader.uvs(data, layer) * [1.0, -1.0] + [0.0, 1.0]
+        uv = mesh_reader.uvs(data, layer)
         tangents = normals = None
         if has_normals:
-            mesh = mesh_reader.with_tangents(data, layer, low.name, mesh_reader.matrix(low))
-            if len(mesh.tangents) == len(uv):
-                tangents = spread(_y_up(mesh.tangents).reshape(-1, 3, 4))
-                normals = spread(_y_up(mesh.normals).reshape(-1, 3, 3))
+            surface = surface_of(file, file.tree["meshes"][mesh]["primitives"], parts)
+            places, vertices, own_normals = (values[known].reshape(-1, *values.shape[2:]) for values in surface)
+            places, own_normals = _z_up(places), _z_up(own_normals)
+            points = mesh_reader.points(data)
+            off = np.abs(places - points[vertices])
+            if off.max(initial=0.0) <= SAME_POINT * np.abs(points).max(initial=0.0):
+                read = mesh_reader.with_tangents(data, layer, low.name, mesh_reader.matrix(low))
+            else:  # Blender's importer moves the points of skinned meshes: those of the file have other tangents
+                points[vertices] = places
+                with mesh_reader.of_triangles(points, vertices, own_normals, uv, layer) as own:
+                    read = mesh_reader.with_tangents(own, layer, low.name, mesh_reader.matrix(low))
+            if len(read.tangents) == len(uv):
+                tangents = spread(_y_up(read.tangents).reshape(-1, 3, 4))
+                normals = spread(_y_up(read.normals).reshape(-1, 3, 3))
+        uv = uv * [1.0, -1.0] + [0.0, 1.0]
         slots = mesh_reader.face_values(data, "material_index").clip(0, max(0, len(low.material_slots) - 1))
         return cls(spread(uv.astype(np.float32).reshape(-1, 3, 2)), tangents, normals, spread(slots), known)
 
@@ -151,6 +195,11 @@ class _Corners:
 def _y_up(values: np.ndarray) -> np.ndarray:
     """Vectors (N, n) of Blender in the axes of glTF. A fourth component stays."""
     return np.concatenate([values[:, :1], values[:, 2:3], -values[:, 1:2], values[:, 3:]], axis=1)
+
+
+def _z_up(values: np.ndarray) -> np.ndarray:
+    """Vectors (N, 3) of glTF in the axes of Blender."""
+    return values[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
 
 
 @dataclass(frozen=True)
@@ -173,7 +222,7 @@ class _Target:
         """The mesh of a low object, which others than `lows` do not show then."""
         parts = parts_of(file, mesh)
         has_normals = any(NORMAL.name in maps.of(report) for report in one.baked.reports)
-        corners = _Corners.of(one, faces_kept(as_imported(parts), one.baked.low.data), has_normals=has_normals)
+        corners = _Corners.of(file, mesh, parts, one, has_normals=has_normals)
         own, notes = _alone(file, mesh, one.baked.low, lows)
         counts, found = _uv_sets(file, file.tree["meshes"][own]["primitives"], parts, corners)
         return cls(own, one, parts, corners, found, max(counts, default=0), notes)

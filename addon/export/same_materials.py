@@ -117,7 +117,20 @@ class Materials:
             self.notes += _lost(before, baked)
         primitive["material"] = self._number(material)
         if BASE_COLOR.name in baked and "COLOR_0" in primitive["attributes"]:
-            primitive["attributes"][_OLD_COLORS] = primitive["attributes"].pop("COLOR_0")
+            is_opaque = "ALPHA" in baked or material.get("alphaMode", "OPAQUE") == "OPAQUE"
+            self._whiten(primitive["attributes"], has_alpha=not is_opaque)
+
+    def _whiten(self, attributes: dict[str, int], *, has_alpha: bool) -> None:
+        """Put vertex colors aside. has_alpha: whether their alpha still counts, and stays on white."""
+        number = attributes[_OLD_COLORS] = attributes.pop("COLOR_0")
+        if not has_alpha or self.file.tree["accessors"][number]["type"] != "VEC4":
+            return
+        values = self.file.whole(number)
+        is_float = values.dtype.kind == "f"
+        white = 1.0 if is_float else np.iinfo(values.dtype).max
+        if (values[:, 3] < white).any():
+            values[:, :3] = white
+            attributes["COLOR_0"] = self.file.add_accessor(values, **({} if is_float else {"normalized": True}))
 
     def _of(self, one: Staged) -> list[dict]:
         """The primitives of a staged object."""
@@ -159,6 +172,10 @@ class Materials:
         mode = max((old.get("alphaMode", "OPAQUE") for old in self.replaced), key=OPACITY.get, default="OPAQUE")
         if has_alpha and OPACITY[mode]:
             result["alphaMode"] = mode
+        elif OPACITY[mode]:
+            self.notes.append(
+                f"Material {material['name']!r} is opaque, and one before it was not: bake the alpha map as well."
+            )
         if any(old.get("doubleSided") for old in self.replaced):
             result["doubleSided"] = True
         return result
@@ -179,6 +196,9 @@ class Materials:
             if baked.isdisjoint(names):  # the texture is white there
                 surfaces[0].pop(factor, None)
                 surfaces[0].update({factor: before[factor]} if factor in before else {})
+        opacity = before.get("baseColorFactor", (1.0,))[-1]
+        if BASE_COLOR.name in baked and "ALPHA" not in baked and opacity != 1.0:
+            surfaces[0]["baseColorFactor"] = [1.0, 1.0, 1.0, opacity]
         if not result["pbrMetallicRoughness"]:
             del result["pbrMetallicRoughness"]
         if EMISSION.name in baked:

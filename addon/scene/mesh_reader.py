@@ -335,17 +335,29 @@ def _max_face_size(data: bpy.types.Mesh) -> int:
 def _triangulated(data: bpy.types.Mesh, uv_layer: str, normals: np.ndarray | None = None) -> Iterator[bpy.types.Mesh]:
     """A temporary triangulated copy of `data` with these corner normals (C, 3) or the same ones, and only this UV layer."""
     corners = triangles(data).reshape(-1)
-    positions = points(data)
     normals = (corner_normals(data) if normals is None else normals)[corners]
     uv = uvs(data, uv_layer)[corners]
-    copy = bpy.data.meshes.new("Imprint triangles")
-    try:
-        mesh_writer.fill(copy, positions, corner_vertices(data)[corners])
+    with of_triangles(points(data), corner_vertices(data)[corners], normals, uv, uv_layer) as copy:
         copy.polygons.foreach_set("material_index", face_values(data, "material_index")[triangle_faces(data)])
-        copy.update(calc_edges=True)
-        copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
-        # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.
-        copy.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals.reshape(-1))
         yield copy
+
+
+@contextmanager
+def of_triangles(
+    positions: np.ndarray, corners: np.ndarray, normals: np.ndarray, uv: np.ndarray, uv_layer: str
+) -> Iterator[bpy.types.Mesh]:
+    """A temporary mesh of triangles with a UV layer.
+
+    positions: (V, 3). corners: (C,), the vertices of the corners. normals: of corners (C, 3). uv: (C, 2).
+    """
+    data = bpy.data.meshes.new("Imprint triangles")
+    try:
+        mesh_writer.fill(data, positions, corners)
+        data.update(calc_edges=True)
+        data.uv_layers.new(name=uv_layer).uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).reshape(-1))
+        # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.
+        values = np.ascontiguousarray(normals, np.float32).reshape(-1)
+        data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", values)
+        yield data
     finally:
-        bpy.data.meshes.remove(copy)
+        bpy.data.meshes.remove(data)

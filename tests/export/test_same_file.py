@@ -520,3 +520,147 @@ def test_each_of_many_meshes_is_found(tmp_path):
     triangles = [primitives.as_imported(primitives.parts_of(parsed, number)) for number in range(60)]
     for obj in import_meshes(str(path), PLAIN):
         assert same_file._mesh_of(parsed, triangles, obj, (), path) == int(obj.name)
+
+
+SQUARE = np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], float)
+
+
+def square(file, name, *, turn=None, color=None, **material):
+    """The number of a mesh of two triangles. turn: a rotation (3, 3) of it. color: of its vertices."""
+    turn = np.eye(3) if turn is None else turn
+    uv = np.array([(0, 1), (0, 0), (1, 0), (1, 1)], float)
+    attributes = {
+        "POSITION": file.accessor(SQUARE @ turn.T, has_bounds=True),
+        "NORMAL": file.accessor(np.tile([0.0, 1.0, 0.0], (4, 1)) @ turn.T),
+        "TEXCOORD_0": file.accessor(uv),
+    }
+    if color is not None:
+        attributes["COLOR_0"] = file.accessor(np.tile(color, (4, 1)))
+    primitive = {"attributes": attributes, "indices": file.accessor(np.array([0, 1, 2, 0, 2, 3]), "H")}
+    primitive["material"] = file.add("materials", {"name": f"{name} look", **material})
+    return file.add("meshes", {"name": name, "primitives": [primitive]})
+
+
+def add_node(file, **node):
+    file.tree["scenes"][0]["nodes"].append(file.add("nodes", node))
+
+
+def bumped(obj):
+    """The object, whose last material has noise for its normals."""
+    tree = obj.data.materials[-1].node_tree
+    bump, noise = tree.nodes.new("ShaderNodeBump"), tree.nodes.new("ShaderNodeTexNoise")
+    bump.inputs["Distance"].default_value = 1.0
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], tree.nodes["Principled BSDF"].inputs["Normal"])
+    return obj
+
+
+def test_tangents_of_skinned_meshes_are_those_of_the_file(tmp_path):
+    """The importer moves one of two meshes whose joint has two inverse bind matrices."""
+    file = gltf_characters.Writer()
+    add_node(file, name="joint")
+    upright = np.array([(1, 0, 0), (0, 0, 1), (0, -1, 0)], float)
+    for name, turn in (("first", np.eye(3)), ("second", upright)):
+        inverse = np.eye(4)
+        inverse[:3, :3] = turn.T
+        mesh = square(file, name, turn=turn)
+        attributes = file.tree["meshes"][mesh]["primitives"][0]["attributes"]
+        attributes["JOINTS_0"] = file.accessor(np.zeros((4, 4)), "B")
+        attributes["WEIGHTS_0"] = file.accessor(np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)))
+        skin = {"joints": [0], "inverseBindMatrices": file.accessor(inverse.T.reshape(1, 16))}
+        add_node(file, name=name, mesh=mesh, skin=file.add("skins", skin))
+    path = file.save(tmp_path / "two.glb")
+    lows = [bumped(obj) for obj in imported(path, "first", "second")]
+    after, data, _ = written(path, lows, normal=True, maps=())
+    for mesh in after["meshes"]:
+        found = corners(after, data, mesh["primitives"][0])
+        along_u = found["POSITION"][5] - found["POSITION"][0]
+        np.testing.assert_allclose(found["TANGENT"][:, :3], np.tile(along_u / 2.0, (6, 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("bakes_alpha", [False, True])
+def test_opacity_stays_where_alpha_is_not_baked(tmp_path, bakes_alpha):
+    file = gltf_characters.Writer()
+    surface = {"baseColorFactor": [0.2, 0.4, 0.6, 0.7]}
+    add_node(file, name="factor", mesh=square(file, "factor", alphaMode="BLEND", pbrMetallicRoughness=surface))
+    add_node(file, name="colors", mesh=square(file, "colors", alphaMode="BLEND", color=(1.0, 0.5, 0.5, 0.8)))
+    path = file.save(tmp_path / "glass.glb")
+    lows = imported(path, "factor", "colors")
+    after, data, _ = written(path, lows, maps=("BASE_COLOR", "ALPHA") if bakes_alpha else ("BASE_COLOR",))
+    by_name = {mesh["name"]: mesh["primitives"][0] for mesh in after["meshes"]}
+    material = after["materials"][by_name["factor"]["material"]]
+    assert material["alphaMode"] == "BLEND"
+    color = material["pbrMetallicRoughness"].get("baseColorFactor")
+    assert color == (None if bakes_alpha else [1.0, 1.0, 1.0, 0.7])
+    colors = corners(after, data, by_name["colors"])
+    np.testing.assert_allclose(colors["_COLOR_0"], np.tile((1.0, 0.5, 0.5, 0.8), (6, 1)))
+    assert ("COLOR_0" in colors) is not bakes_alpha
+    if not bakes_alpha:
+        np.testing.assert_allclose(colors["COLOR_0"], np.tile((1.0, 1.0, 1.0, 0.8), (6, 1)))
+
+
+def test_one_material_without_alpha_is_told(tmp_path):
+    file = gltf_characters.Writer()
+    add_node(file, name="pane", mesh=square(file, "pane", alphaMode="BLEND"))
+    path = file.save(tmp_path / "pane.glb")
+    after, _, warnings = written(path, imported(path, "pane"), maps=("BASE_COLOR",), one_material=True)
+    assert "alphaMode" not in after["materials"][0]
+    assert warnings == ["Material 'pane' is opaque, and one before it was not: bake the alpha map as well."]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_of_equal_meshes_and_nodes_the_number_tells(tmp_path, number):
+    """The importer goes from roots to children."""
+    file = gltf_characters.Writer()
+    meshes = [square(file, "M", doubleSided=bool(place % 2)) for place in range(3)]
+    children = [file.add("nodes", {"name": "N", "mesh": meshes[place]}) for place in (2, 0)]
+    add_node(file, name="N", mesh=meshes[1])
+    add_node(file, name="group", children=children[::-1])
+    path = file.save(tmp_path / "twins.glb")
+    names = ["N", "N.001", "N.002"]
+    after, _, _ = written(path, imported(path, names[number]), maps=("BASE_COLOR",))
+    textured = ["baseColorTexture" in each.get("pbrMetallicRoughness", {}) for each in after["materials"]]
+    changed = [textured[mesh["primitives"][0]["material"]] for mesh in after["meshes"]]
+    assert changed.index(True) == [1, 0, 2][number]
+    assert changed.count(True) == 1
+
+
+def test_equal_meshes_without_their_names_are_refused(tmp_path):
+    file = gltf_characters.Writer()
+    for _ in range(2):
+        add_node(file, name="N", mesh=square(file, "M"))
+    path = file.save(tmp_path / "twins.glb")
+    (low,) = imported(path, "N")
+    low.name = low.data.name = "renamed"
+    with pytest.raises(
+        BakeError, match=r"'twins.glb' has several meshes like that of 'renamed', and none has its name"
+    ):
+        written(path, [low], maps=("BASE_COLOR",))
+
+
+def test_a_primitive_without_points_stays(tmp_path):
+    file = gltf_characters.Writer()
+    mesh = square(file, "pane")
+    file.tree["meshes"][mesh]["primitives"].insert(0, {"attributes": {"NORMAL": 1}})
+    add_node(file, name="pane", mesh=mesh)
+    path = file.save(tmp_path / "pane.glb")
+    after, _, _ = written(path, imported(path, "pane"), maps=("BASE_COLOR",))
+    empty, whole = after["meshes"][0]["primitives"]
+    assert list(empty) == ["attributes"]
+    assert "baseColorTexture" in after["materials"][whole["material"]]["pbrMetallicRoughness"]
+
+
+def test_lines_before_triangles_have_vertices_of_their_own(tmp_path):
+    file = gltf_characters.Writer()
+    mesh = square(file, "pane")
+    primitives_of = file.tree["meshes"][mesh]["primitives"]
+    ends = file.accessor(np.array([0, 2]), "H")
+    lines = {"attributes": {"POSITION": primitives_of[0]["attributes"]["POSITION"]}, "mode": 1, "indices": ends}
+    primitives_of.insert(0, lines)
+    add_node(file, name="pane", mesh=mesh)
+    path = file.save(tmp_path / "pane.glb")
+    after, data, _ = written(path, [bumped(*imported(path, "pane"))], maps=("BASE_COLOR",), normal=True)
+    kept, surface = after["meshes"][0]["primitives"]
+    assert kept.keys() == lines.keys()
+    assert "TANGENT" in corners(after, data, surface)
+    assert "baseColorTexture" in after["materials"][surface["material"]]["pbrMetallicRoughness"]
