@@ -31,17 +31,28 @@ def is_visible(obj: bpy.types.Object) -> bool:
 
 
 def shown_surfaces(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The objects that may have a surface, and that both the view layer and renders show."""
+    """The objects that may have a surface, and that both the view layer and renders show.
+
+    What is a holdout, or for indirect light alone, is hidden from the camera: it still shades the rest.
+    """
     context.view_layer.update()  # a script may have made some without a redraw
     objects = filter(object_checks.may_show, context.view_layer.objects)
+    rendered = {obj.session_uid for obj in _rendered(context.view_layer.layer_collection)}
     return [
         obj
         for obj in objects
-        if not obj.hide_render
-        and is_visible(obj)
-        and not all(collection.hide_render for collection in obj.users_collection)
-        and not object_checks.matrix_problem(obj)
+        if obj.session_uid in rendered and is_visible(obj) and not object_checks.matrix_problem(obj)
     ]
+
+
+def _rendered(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:
+    """The objects that renders show of a collection and of those in it; one may come several times."""
+    if layer.collection.hide_render:
+        return
+    if not layer.exclude:  # those in it may be shown all the same
+        yield from (obj for obj in layer.collection.objects if not obj.hide_render)
+    for child in layer.children:
+        yield from _rendered(child)
 
 
 def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:

@@ -15,6 +15,7 @@ from addon.engine import bands, ray_maps, tree_cache
 from addon.jobs import Job, bake_all, bake_jobs
 from addon.mesh.local_space import LocalSpace
 from addon.mesh.triangle_mesh import Mesh
+from addon.scene import evaluation
 from tests.support import angles, lanes, layouts, zoo
 from tests.support.hemisphere import form_factor
 from tests.support.layouts import Layout
@@ -174,6 +175,29 @@ def test_low_objects_and_cages_of_a_bake_are_no_occluders():
     assert found["OWN"] == [set(), set()]
     assert found["ALL"] == [{alone.name}, {high.name}]
     assert found["SCENE"] == [{alone.name, wall.name}, {high.name, wall.name}]
+
+
+def test_renders_show_what_one_collection_shows_with_those_that_it_is_in():
+    """Collections in a hidden one are hidden. What is a holdout, or for indirect light alone, shades the rest."""
+    ways = ("plain", "in hidden", "hidden and shown", "in excluded", "holdout", "indirect")
+    above = {way: bpy.data.collections.new(f"above {way}") for way in ways}
+    for way, outer in above.items():
+        obj, inner = zoo.cube(way), shelf(bpy.data.objects[way])
+        bpy.context.scene.collection.children.unlink(inner)
+        outer.children.link(inner)
+        bpy.context.scene.collection.children.link(outer)
+        instance = bpy.data.objects.new(f"instance of {way}", None)
+        instance.instance_type, instance.instance_collection = "COLLECTION", inner
+        outer.objects.link(instance)
+        if way == "hidden and shown":
+            above["plain"].objects.link(obj)
+    above["in hidden"].hide_render = above["hidden and shown"].hide_render = True
+    layers = bpy.context.view_layer.layer_collection.children
+    layers["above in excluded"].exclude = True
+    layers["above holdout"].holdout = layers["above indirect"].indirect_only = True
+    alone = {"plain", "holdout", "indirect"}
+    shown = {obj.name for obj in evaluation.shown_surfaces(bpy.context)}
+    assert shown == alone | {f"instance of {way}" for way in alone} | {"hidden and shown"}
 
 
 def shelf(obj):
