@@ -31,7 +31,7 @@ def repeated(meshes: Meshes, settings: Settings) -> Meshes:
     axes = AXES[Wrap(settings.sampling.wrap)]
     if not axes or not len(meshes.low.triangles):
         return meshes
-    low = meshes.low
+    low = meshes.whole_low
     repeat = low.remembered(f"repeat {axes}", (), partial(tiling.repeat_of, low, axes))
     reach = max([NEAR * repeat.shortest, *_reaches(meshes, repeat, settings.map, settings.tracing)])
     return replace(meshes, repeat=replace(repeat, reach=reach))
@@ -55,7 +55,7 @@ def _reaches(meshes: Meshes, repeat: tiling.Repeat, maps: MapSettings, tracing: 
 
 def _height(meshes: Meshes) -> float:
     """The extent of the high meshes along the mean normal of the low one."""
-    low = meshes.low
+    low = meshes.whole_low
     normal = face_normals(transformed(low.positions, low.to_world), low.vertices[low.front_triangles]).sum(axis=0)
     return float(np.ptp(world_box(meshes.highs), axis=0) @ np.abs(normal)) / max(float(np.linalg.norm(normal)), 1e-300)
 

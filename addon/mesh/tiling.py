@@ -109,9 +109,11 @@ def _step(low: Mesh, points: np.ndarray, axis: int, within: float) -> tuple[floa
     """The step from the edges at 0 of the UVs to those at 1. points: of the corners (C, 3). within: how much steps differ."""
     name, across = "UV"[axis], low.uv[:, axis]
     corners = low.triangles.reshape(-1)
+    extent = f"from {across[corners].min(initial=1.0):.4g} to {across[corners].max(initial=0.0):.4g}"
     if len(corners) and not ((across[corners] > -ON_BORDER) & (across[corners] < 1.0 + ON_BORDER)).all():
         raise BakeError(
-            f"{low.name!r} has UVs outside 0 to 1 along {name}, where the map wraps around: move them, or turn Wrap off."
+            f"{low.name!r} has UVs outside 0 to 1 along {name}, where the map wraps around, {extent}: move them, or turn Wrap "
+            "off."
         )
     first, last = (_border(low, axis, end) for end in (0.0, 1.0))
     if len(first) and len(last):
@@ -122,8 +124,8 @@ def _step(low: Mesh, points: np.ndarray, axis: int, within: float) -> tuple[floa
         if is_one and np.abs(steps - step).max() <= within:
             return tuple(step.tolist()) if np.linalg.norm(step) > within else (0.0, 0.0, 0.0)
     raise BakeError(
-        f"{low.name!r} is no tile along {name}: its edges at 0 and at 1 of the UVs are to be the same but for one step, as "
-        "those of a plane that fills the map. Change its UVs, or turn Wrap off."
+        f"{low.name!r} is no tile along {name}: its edges at 0 and at 1 of the UVs, which go {extent}, are to be the same but "
+        "for one step, as those of a plane that fills the map. Change its UVs, or turn Wrap off."
     )
 
 

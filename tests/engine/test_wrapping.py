@@ -297,6 +297,27 @@ def test_a_high_mesh_shorter_than_the_tile_leaves_gaps():
     assert 0.8 < report.missed < 0.95
 
 
+@pytest.mark.parametrize("wrap", ["U", "V", "UV"])
+def test_texture_sets_repeat_as_the_whole_low_mesh(wrap):
+    """Each set alone ends before a border of the map."""
+    low, high = zoo.plane("lo", n=4), relief(n=24)
+    _, expected = bake(low, high, maps=("AO",), wrap=wrap, margin=0, ao_distance=None)
+    for name in "ab":
+        scenes.material(name, low)
+    for face in low.data.polygons:
+        face.material_index = int(face.center.x > 0.0) ^ int(face.center.y > 0.0)
+    values = FAR | {"ao_distance": None, "width": SIDE, "height": SIDE, "margin": 0, "depth": 32, "storage": "MEMORY"}
+    settings = Settings(wrap=wrap, texture_sets=True, maps=("AO",), material=False, **values)
+    reports = bake_all(bpy.context, [Job(low, [high])], settings)
+    assert [report.repeats for report in reports] == [reports[0].repeats] * 2
+    x, y = np.moveaxis(texel_uv(SIDE, SIDE) > 0.5, -1, 0)
+    for number, name in enumerate("ab"):
+        is_own = (x ^ y) == bool(number)
+        for kind in ("normal", "ao"):
+            found = pixels(bpy.data.images[f"lo_{name}_{kind}"])
+            np.testing.assert_allclose(found[is_own], expected[kind][is_own], atol=2e-7, err_msg=f"{name} {kind}")
+
+
 def bent(u, v):
     """No tile: both borders along V differ in more than a step."""
     return np.stack([u, v, 0.3 * u * v], axis=1)
@@ -309,11 +330,13 @@ def bent(u, v):
         (lambda: zoo.disc("lo"), {"wrap": "U"}, "'lo' is no tile along U"),
         (lambda: moved_uvs((1.5, 1.0), (0.0, 0.0)), {"wrap": "U"}, "'lo' has UVs outside 0 to 1 along U"),
         (lambda: moved_uvs((0.5, 0.5), (0.0, 0.0)), {"wrap": "UV"}, "'lo' is no tile along U"),
+        (lambda: moved_uvs((0.998, 1.0), (0.001, 0.0)), {"wrap": "U"}, "no tile along U.*from 0.001 to 0.999"),
+        (lambda: moved_uvs((1.002, 1.0), (-0.001, 0.0)), {"wrap": "U"}, "outside 0 to 1 along U.*from -0.001 to 1.001"),
         (lambda: zoo.plane("lo"), {"wrap": "UV", "udim": True, "storage": "PACK"}, "turn Wrap or UDIM Tiles off"),
         (lambda: zoo.plane("lo"), {"wrap": "UV", "method": "FLATTEN"}, "Flatten does not wrap around"),
         (lambda: zoo.plane("lo"), {"wrap": "W"}, "Wrap"),
     ],
-    ids=["bent", "disc", "outside", "half", "udim", "flatten", "word"],
+    ids=["bent", "disc", "outside", "half", "ends before", "ends beyond", "udim", "flatten", "word"],
 )
 def test_what_is_no_tile_is_refused(low, settings, message):
     with pytest.raises(BakeError, match=message):
