@@ -298,7 +298,7 @@ class KeptMap:
         self._meshes, plan = None, drawing.plan
         values = yield from drawing.renderer.values(udim.FIRST)
         is_any = self._store(values, process)
-        if is_any and not plan.casts_rays and not plan.meshes.turns_normals(self.settings):
+        if is_any and self._draws_parts(plan):
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
             self._drawn = [DrawnMesh(high, before.get(i)) for i, high in enumerate(plan.meshes.highs)]
         return is_any
@@ -339,10 +339,14 @@ class KeptMap:
         self._stored = self._nearest = self._meshes = None
         self._drawn = []
 
+    def _draws_parts(self, plan: Plan) -> bool:
+        """Whether a texel depends on nothing but the triangles of the high meshes on it."""
+        return not (plan.casts_rays or plan.meshes.turns_normals(self.settings) or plan.meshes.has_cutouts)
+
     def _changed_parts(self, plan: Plan) -> list[Part] | None:
         """The parts of the map that differ for `plan`, whose meshes are noted; None if all may."""
         before, meshes = self._meshes, plan.meshes
-        if before is None or plan.casts_rays or meshes.turns_normals(self.settings):
+        if before is None or not self._draws_parts(plan):
             return None
         if meshes.low is not before.low or meshes.basis is not before.basis or len(meshes.highs) != len(self._drawn):
             return None

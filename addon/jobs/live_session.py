@@ -280,9 +280,10 @@ class Session:
     def shows(self, changed: bpy.types.ID) -> bool:
         """Whether maps of the session show this datablock: a material of the high objects. Blender reports a change of an image
         as one of the materials that show it."""
-        if self._as_read is None or not (self.others.show_materials or self._as_read.has_detail):
+        read = self._as_read
+        if read is None or not (self.others.show_materials or read.has_detail or read.has_cutouts):
             return False
-        keys = {material.key for material in self._as_read.materials}
+        keys = {material.key for material in read.materials}
         return isinstance(changed, bpy.types.Material) and changed.session_uid in keys
 
     def is_moved(self, uid: int) -> bool:

@@ -32,19 +32,21 @@ OPAQUE, DIRECT, CLEAR = 0, -1, -2
 
 
 def cut_out(meshes: Meshes, before: Sequence[Mesh] = ()) -> Meshes:
-    """`meshes` whose high meshes know where they are clear. before: those of an earlier reading, whose images are used again.
+    """`meshes` whose high meshes know where they are clear. before: those of an earlier reading.
 
-    Where nothing at all would be opaque, nothing is clear.
+    A mesh of that reading, and an image, stay the very same while they show the same: Live finds changes by that. Where nothing
+    at all would be opaque, nothing is clear.
     """
     if not any(material.cutout for material in meshes.materials):
         return meshes
-    known = {alpha.of: alpha for high in before for alpha in high.alphas}
+    images = {alpha.of: alpha for high in before for alpha in high.alphas}
+    known = {of: alpha for of, alpha in images.items() if _is_as_read(alpha, meshes.load_image)}
     highs = [with_cutouts(high, meshes, known) for high in meshes.highs]
     clear = [repr(high.name) for high in highs if is_clear(high)]
     if clear:
         text = f"The alpha of {shorten_list(clear)} is 0 everywhere: rays see it only where they meet nothing else."
         meshes = replace(meshes, lacks=list(dict.fromkeys([*meshes.lacks, text])))
-    return meshes if len(clear) == len(highs) else replace(meshes, highs=highs)
+    return replace(meshes, highs=list(map(_solid, highs)) if len(clear) == len(highs) else highs)
 
 
 def has_layer(high: Mesh) -> bool:
@@ -86,7 +88,7 @@ Known: TypeAlias = dict[tuple, Alpha]
 
 def with_cutouts(high: Mesh, meshes: Meshes, known: Known) -> Mesh:
     """A mesh with the layer and the images of its materials' cut-outs; as it is if none of it is clear."""
-    if high.labels is None or has_layer(high):
+    if high.labels is None:
         return high
     of_material = high.labels[:, 1].astype(np.int64)
     layer = np.zeros((len(high.vertices), 3), np.float32)
@@ -104,7 +106,18 @@ def with_cutouts(high: Mesh, meshes: Meshes, known: Known) -> Mesh:
                 _add(layer, alphas, _by_tile(high, triangles, cut, meshes, known))
             case ExactFeed():
                 _add(layer, alphas, _evaluated(high, triangles, cut, meshes, known))
-    return replace(high, layers=high.layers | {KEY: layer}, alphas=tuple(alphas)) if layer[:, 2].any() else high
+    if not layer[:, 2].any():
+        return _solid(high)
+    if has_layer(high) and high.alphas == tuple(alphas) and np.array_equal(high.layers[KEY], layer):
+        return high
+    return replace(high, layers=high.layers | {KEY: layer}, alphas=tuple(alphas))
+
+
+def _solid(high: Mesh) -> Mesh:
+    """A mesh of which nothing is clear."""
+    if not has_layer(high):
+        return high
+    return replace(high, layers={key: layer for key, layer in high.layers.items() if key != KEY}, alphas=())
 
 
 def _add(layer: np.ndarray, alphas: list[Alpha], shown: Iterable[Shown]) -> None:
@@ -135,11 +148,22 @@ def _loaded(cut: CutOut, tile: int, load_image: LoadImage, known: Known) -> Alph
     key = cut, tile
     if key not in known:
         feed = cut.feed
-        values = alpha_values(feed, load_image(feed.image, tile)) - cut.threshold
         extension = Extension.EXTEND if tile else feed.extension
         outside = float(value_of(feed, np.zeros((1, 4), np.float32))[0] - cut.threshold)
-        known[key] = Alpha(values.astype(np.float32), extension, outside, feed.is_smooth, key)
+        known[key] = Alpha(_read(cut, tile, load_image), extension, outside, feed.is_smooth, key)
     return known[key]
+
+
+def _is_as_read(alpha: Alpha, load_image: LoadImage) -> bool:
+    """Whether an image of an earlier reading still has its pixels."""
+    cut, *of = alpha.of
+    return isinstance(cut.feed, ImageFeed) and np.array_equal(alpha.values, _read(cut, of[0], load_image))
+
+
+def _read(cut: CutOut, tile: int, load_image: LoadImage) -> np.ndarray:
+    """The values (h, w) float32 of an image, of which those below 0 are clear."""
+    values = alpha_values(cut.feed, load_image(cut.feed.image, tile)) - cut.threshold
+    return values.astype(np.float32)
 
 
 EVALUATED = 512

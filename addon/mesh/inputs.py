@@ -142,6 +142,11 @@ class Meshes:
         """Whether a material of the high meshes moves normals."""
         return any(material.detail is not None for material in self.materials)
 
+    @property
+    def has_cutouts(self) -> bool:
+        """Whether a material of the high meshes may be clear somewhere."""
+        return any(material.cutout is not None for material in self.materials)
+
     def turns_normals(self, settings: Settings) -> bool:
         """Whether the normals at hits are not those of the high meshes: their materials move them, or edges are rounded."""
         return self.has_detail or settings.map.edge_radius > 0.0

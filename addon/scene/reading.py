@@ -146,7 +146,9 @@ def read_again(
             kept = before.materials, known, before.parts, object_checks.is_itself(low, highs)
             reader = Reader(depsgraph, low, before.uv_layer, settings, *kept)
             all_highs = with_labels(list((known | dict(zip(new, reader.read(new), strict=True))).values()))
-            meshes = replace(before, highs=all_highs, materials=reader.materials.materials, parts=reader.part_names)
+            meshes = replace(
+                before, highs=all_highs, materials=reader.materials.materials, parts=reader.part_names, lacks=[]
+            )
             _check_triangles(meshes.highs)
     if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)

@@ -13,7 +13,7 @@ from addon.jobs import Job
 from addon.jobs.live_session import Session
 from addon.passes import high_in_uv
 from addon.scene import mesh_reader
-from tests.support import random_cases, zoo
+from tests.support import cut_scenes, random_cases, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -112,6 +112,34 @@ def test_parts_equal_a_new_bake(drawn, name):
         assert not np.array_equal(session.texels, before)
         assert np.array_equal(session.texels, fresh(session))
     assert drawn[1:7:2] == [True] * 3  # new sessions draw whole maps
+    session.free()
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_an_alpha_that_is_painted_is_read_with_the_next_stroke(method):
+    """Although the card that shows it is as it was. Blender reports its material."""
+    (low, card), body = scenes.planes("low", "card"), zoo.terrain("body", n=24, height=0.02)
+    body.location.z = -0.15
+    clear = np.zeros((8, 8))
+    half = np.tile(np.repeat([0.0, 1.0], 4), (8, 1))
+    material = cut_scenes.color_over(card, half)
+    image = next(node.image for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+    bpy.context.view_layer.update()
+    session = begin(low, body, card, method=method, extrusion=0.1, max_distance=0.4)
+    assert session.shows(material)
+    found = []
+    for number, alpha in enumerate((half, half.T, clear, 1.0 - clear, half)):
+        pixels = np.full((8, 8, 4), 0.5, np.float32)
+        pixels[..., 3] = alpha
+        image.pixels.foreach_set(pixels.ravel())
+        before = session.meshes.highs
+        stroke(body, number, height=0.01)
+        follow(session, body)
+        found.append(session.texels)
+        assert np.array_equal(found[-1], fresh(session)), number
+        assert len(session._as_read.lacks) == (number == 2)
+        assert (before[1] is session.meshes.highs[1]) == (number == 0)
+    assert np.abs(found[2] - found[3]).max() > 0.01
     session.free()
 
 
