@@ -44,7 +44,8 @@ def cut_out(meshes: Meshes, before: Sequence[Mesh] = ()) -> Meshes:
     highs = [with_cutouts(high, meshes, known) for high in meshes.highs]
     clear = [repr(high.name) for high in highs if is_clear(high)]
     if clear:
-        text = f"The alpha of {shorten_list(clear)} is 0 everywhere: rays see it only where they meet nothing else."
+        of = shorten_list(clear)
+        text = f"The alpha of {of} is below its threshold everywhere: rays see it only where they meet nothing else."
         meshes = replace(meshes, lacks=list(dict.fromkeys([*meshes.lacks, text])))
     return replace(meshes, highs=list(map(_solid, highs)) if len(clear) == len(highs) else highs)
 

@@ -179,14 +179,17 @@ def test_an_alpha_of_0_shows_what_is_behind_and_is_told():
     low, body, card, _ = card_over_body(Alpha=0.0)
     report, color = color_of(low, body, card)
     np.testing.assert_allclose(color, np.broadcast_to(BODY, color.shape), atol=1e-6)
-    assert [text for text in report.warnings if "alpha of 'card' is 0 everywhere" in text]
+    assert [text for text in report.warnings if "alpha of 'card' is below its threshold everywhere" in text]
 
 
 def test_what_nothing_is_behind_is_shown_as_it_is():
     low, _, card, _ = card_over_body(Alpha=0.0)
     report, color = color_of(low, card)
     np.testing.assert_allclose(color, np.broadcast_to(CARD, color.shape), atol=1e-6)
-    assert report.missed == 0.0 and len([text for text in report.warnings if "is 0 everywhere" in text]) == 1
+    assert (
+        report.missed == 0.0
+        and len([text for text in report.warnings if "is below its threshold everywhere" in text]) == 1
+    )
     card.data.materials.clear()
     cut_scenes.color_over(card, ramp())
     _, color = color_of(low, card)
