@@ -230,6 +230,16 @@ def _():
     return Outcome({f"{name}_position": of_plane() for name in "ab"})
 
 
+@scene("objects that share a mesh in one image")
+def _():
+    first = zoo.plane("a")
+    second = scenes.link(bpy.data.objects.new("b", first.data))
+    second.location.x = 5.0
+    select(first, second)
+    use("POSITION", share_image=True)
+    return Outcome(told="which have the same mesh: make it a single user")
+
+
 @scene("one of several has no UV map")
 def _():
     bare = zoo.plane("bare")
@@ -410,6 +420,20 @@ def _():
     scenes.material("clear", obj, Alpha=0.0, Base_Color=COLORS[0])
     use("BASE_COLOR", "AO")
     return Outcome(told="The alpha of 'ghost' is 0 everywhere")
+
+
+@scene("thickness of a slab")
+def _():
+    """Of h / cos of the angle, up to D, the mean over a hemisphere weighted by the cosine is 2 b - b^2 of D, with b = h / D."""
+    points = [(x, y, z) for z in (0.0, -0.5) for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))]
+    uv = np.array([(0, 0), (1, 0), (1, 0.5), (0, 0.5), (0, 0.5), (1, 0.5), (1, 1), (0, 1)], float)
+    obj = zoo.build("slab", np.array(points, float), [(0, 1, 2, 3), (4, 7, 6, 5)], uv[[0, 1, 2, 3, 4, 7, 6, 5]])
+    select(obj)
+    use("THICKNESS", distance_unit="SCENE", thickness_limited=True, thickness_distance=4.0)
+
+    expected = np.full((SIDE, SIDE, 1), np.nan)
+    expected[4:12, 8:24] = 2.0 * 0.125 - 0.125**2  # the sides are farther away there
+    return traced({"slab_thickness": expected})
 
 
 # Textures that are there
