@@ -14,7 +14,7 @@ from ..core.map_types import NORMAL, WRITTEN, Map
 from ..core.preflight import texel_bytes
 from ..core.progress import Task, finish
 from ..core.settings import Run, Settings
-from ..mesh import triangle_mesh
+from ..mesh import cutouts, triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import margin_fill, target
@@ -341,7 +341,8 @@ class KeptMap:
 
     def _draws_parts(self, plan: Plan) -> bool:
         """Whether a texel depends on nothing but the triangles of the high meshes on it."""
-        return not (plan.casts_rays or plan.meshes.turns_normals(self.settings) or plan.meshes.has_cutouts)
+        is_cut = any(map(cutouts.has_layer, plan.meshes.highs))
+        return not (is_cut or plan.casts_rays or plan.meshes.turns_normals(self.settings))
 
     def _changed_parts(self, plan: Plan) -> list[Part] | None:
         """The parts of the map that differ for `plan`, whose meshes are noted; None if all may."""

@@ -31,6 +31,8 @@ from ..output import datablocks, materials, outputs
 from ..passes import data_texture, target
 from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
+from ..scene.materials.material_reading import CUT_OUTS, read_materials
+from ..scene.textures import ImageTextures
 from . import bake_jobs, shared_image
 from .baked import Baked
 from .job import Job, Request, check_clashes, check_job, files_kept, set_numbers
@@ -281,10 +283,16 @@ class Session:
         """Whether maps of the session show this datablock: a material of the high objects. Blender reports a change of an image
         as one of the materials that show it."""
         read = self._as_read
-        if read is None or not (self.others.show_materials or read.has_detail or read.has_cutouts):
+        if read is None or not isinstance(changed, bpy.types.Material):
             return False
-        keys = {material.key for material in read.materials}
-        return isinstance(changed, bpy.types.Material) and changed.session_uid in keys
+        if changed.session_uid not in {material.key for material in read.materials}:
+            return False
+        if self.others.show_materials or read.has_detail or read.has_cutouts:
+            return True
+        return (
+            self.settings.tracing.cut_outs
+            and read_materials([changed], ImageTextures(), {CUT_OUTS})[0].cutout is not None
+        )
 
     def is_moved(self, uid: int) -> bool:
         """Whether vertices of the object with this session_uid have moved since they were last read."""

@@ -16,7 +16,7 @@ from addon.scene import mesh_reader
 from addon.scene.object_checks import ObjectRef
 from addon.ui import live_following
 from addon.ui.live import LiveState, live
-from tests.support import zoo
+from tests.support import cut_scenes, zoo
 from tests.support.following import follow, follows, fresh, is_fresh, move, shown, switch
 from tests.support.panel import instance_of, select, shelve, use
 
@@ -108,6 +108,25 @@ def test_objects_that_blender_does_not_evaluate_are_refused(pair, how):
         {"collection": shelf, "object": high}[how].hide_viewport = True
     with pytest.raises(RuntimeError, match="'hi' is hidden in viewports"):
         bpy.ops.imprint.live()
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_live_follows_an_alpha_that_is_connected_and_painted(pair, method):
+    clear = zoo.terrain("clear", n=8, height=0.3)
+    clear.location.z = 0.05
+    use(None, clear, method=method)
+    material = cut_scenes.color_over(clear, np.tile(np.repeat([0.0, 1.0], 4), (8, 1)))
+    tree = material.node_tree
+    image, link = (next(node for node in tree.nodes if node.type == "TEX_IMAGE"), tree.links[0])
+    alpha, shader = link.from_socket, link.to_socket
+    tree.links.remove(link)
+    switch(True)
+
+    def paint():
+        image.image.pixels.foreach_set(np.tile(np.float32([1, 1, 1, 0, 1, 1, 1, 1]), 32))
+        image.image.update_tag()
+
+    follows(lambda: tree.links.new(alpha, shader), paint)
 
 
 def test_live_follows_a_collection_hidden_with_the_eye(pair):
