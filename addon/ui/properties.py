@@ -22,6 +22,9 @@ from .declared_properties import MapList, OfPanels, Options, declared, passed_on
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import labeled
 
+NEVER_HIGH = {"LIGHT", "LIGHT_PROBE", "CAMERA", "SPEAKER"}
+"""Types of objects that nobody selects to be high ones: "select all" takes them along."""
+
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:
     settings.width = settings.height = texels
@@ -141,7 +144,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
     ) -> "Chosen":
         """A low object with its high ones, as `chosen`. selected: those that can be meant as high ones."""
         pair = object_pairs.of(low)
-        # A light or a camera that is selected too is no high object; where nothing else is, it is named as what it is.
+        # An armature that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
             highs = highs or self._called_as(context, low) or object_checks.own_highs(low) or selected
@@ -158,7 +161,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
         While the high objects of `pair` are hidden, the low objects of other pairs are not: "select all" selects these alone.
         """
         cages = {self.cage, pair and pair.cage}
-        others = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
+        selected = (obj for obj in context.view_layer.objects.selected if obj.type not in NEVER_HIGH)
+        others = [obj for obj in selected if obj != low and obj not in cages]
         if others and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in others if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return others

@@ -259,7 +259,7 @@ def test_a_light_that_is_selected_too_is_left_out(pair):
     assert bpy.context.scene.imprint.chosen(bpy.context).highs == [high]
     assert can_bake(draw())
     select(low, bpy.data.objects["Sun"])
-    assert "'Sun' is of the type light" in draw().text
+    assert "itself" in draw().text
     bake(**NAMES)
     assert bpy.context.scene.imprint.chosen(bpy.context).highs == [high]  # the pair of the low object
     assert can_bake(draw())

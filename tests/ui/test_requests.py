@@ -200,7 +200,14 @@ def _():
 def _():
     select(zoo.plane("crate"), panel.add("Sun", bpy.data.lights.new("Sun", "SUN")))
     use("POSITION")
-    return Outcome(refused="'Sun' is of the type light")
+    return Outcome({"crate_position": of_plane()})
+
+
+@scene("an armature is selected with one object alone")
+def _():
+    select(zoo.plane("crate"), panel.add("Rig", bpy.data.armatures.new("Rig")))
+    use("POSITION")
+    return Outcome(refused="'Rig' is of the type armature")
 
 
 @scene("moved apart by a script a moment before")
@@ -419,7 +426,7 @@ def _():
     obj = select(zoo.plane("ghost"))
     scenes.material("clear", obj, Alpha=0.0, Base_Color=COLORS[0])
     use("BASE_COLOR", "AO")
-    return Outcome(told="The alpha of 'ghost' is 0 everywhere")
+    return Outcome(told="The alpha of 'ghost' is below its threshold everywhere")
 
 
 @scene("thickness of a slab")
