@@ -117,16 +117,18 @@ def test_live_follows_an_alpha_that_is_connected_and_painted(pair, method):
     use(None, clear, method=method)
     material = cut_scenes.color_over(clear, np.tile(np.repeat([0.0, 1.0], 4), (8, 1)))
     tree = material.node_tree
-    image, link = (next(node for node in tree.nodes if node.type == "TEX_IMAGE"), tree.links[0])
+    image = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    link = next(link for link in tree.links if link.from_node == image)
     alpha, shader = link.from_socket, link.to_socket
     tree.links.remove(link)
     switch(True)
+    follow()
 
     def paint():
         image.image.pixels.foreach_set(np.tile(np.float32([1, 1, 1, 0, 1, 1, 1, 1]), 32))
         image.image.update_tag()
 
-    follows(lambda: tree.links.new(alpha, shader), paint)
+    follows(lambda: setattr(shader, "default_value", 0.0), lambda: tree.links.new(alpha, shader), paint)
 
 
 def test_live_follows_a_collection_hidden_with_the_eye(pair):
