@@ -5,6 +5,7 @@ import atexit
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from .. import passes
 from ..core.errors import NoGpuMemory
 from ..passes import target
 from . import tree_cache
@@ -38,4 +39,6 @@ def free_if_idle() -> None:
         free()
 
 
-atexit.register(free)  # Python crashes on exit while GPU objects live, with or without the add-on's registering
+# Python crashes on exit while GPU objects live, with or without the add-on's registering.
+atexit.register(passes.free)
+atexit.register(free)

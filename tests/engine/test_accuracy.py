@@ -141,6 +141,6 @@ def folds(low):
     timings = Timings()
     source = sources.Flat(painted, [painted], settings.map, timings)
     run = Run(settings, timings=timings)
-    renderer = baking.Renderer(SampledMaps(source, NormalSpace(None, run.settings), [], None, run), run)
+    renderer = baking.Renderer(SampledMaps(source, NormalSpace(None, run.settings), [], [], run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5
