@@ -37,7 +37,7 @@ STRIPES = {
     },
     FAMILIES: {
         "        if GRADIENT.name in names:": '        if {GRADIENT.name, "STRIPES"} & set(names):',
-        "else (self.to_space, self.origin)\n": """else (self.to_space, self.origin)
+        "or (self.to_space, self.origin)\n": """or (self.to_space, self.origin)
             if name == "STRIPES":
                 to_space, origin = (self.stripe_count * each for each in self.gradient)
 """,
