@@ -118,8 +118,9 @@ def evaluate_exact(
             continue
         for some, hits in surface.hits_of(use.feed, triangles.reshape(-1)[places], weights.reshape(-1, 2)[places]):
             shown.append((use, places[some]))
-            is_spaced = use.feed.has_bumps and spacing is not None
-            wanted.append(_spaced(hits, places[some], sample.band, spacing) if is_spaced else hits)
+            if use.feed.has_bumps and spacing is not None:
+                hits = _spaced(hits, places[some], sample.band, spacing)  # noqa: PLW2901 - the same, with more
+            wanted.append(hits)
     values = evaluate(wanted) if wanted else []
     return [(use, places, surface_tables.finite(found)) for (use, places), found in zip(shown, values, strict=True)]
 
@@ -348,8 +349,8 @@ class OwnNormals:
         self.bumps, self.bump_table = _numbered([_bump(material) for material in meshes.materials])
         exact = [each.detail if isinstance(each.detail, ExactFeed) else None for each in meshes.materials]
         self.exact, self.evaluate = _exact_uses(*_numbered(exact)), meshes.evaluate
-        is_decoded = meshes.basis is not None and any(feed.basis != bases.CYCLES.name for feed in self.normal_maps)
-        self.low = DecodedOnLow(meshes.basis, run.settings.map) if is_decoded else None
+        basis = meshes.basis if any(feed.basis != bases.CYCLES.name for feed in self.normal_maps) else None
+        self.low = DecodedOnLow(basis, run.settings.map) if basis is not None else None
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place. Bump maps lie on the normal maps."""

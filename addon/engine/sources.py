@@ -136,7 +136,7 @@ class Flat(Source):
         uploads: mesh_upload.UploadCache | None = None,
     ):
         self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
-        self.is_changed_later = is_changed_later or self._is_cut
+        self.is_changed_later = is_changed_later or self._cut is not None
         self.to_space = world_to_space(low, map_settings)
         to_world = None if map_settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
@@ -162,10 +162,10 @@ class Flat(Source):
         """All rows at once; before, no rows while parts of the meshes are drawn."""
         self._size = band.width, band.height
         into = self.drawn(slot)
-        if self._is_cut:  # what is clear lies below all else: the hits know
+        if tables := self._cut:  # what is clear lies below all else: the hits know
             nowhere = target.get("no points", *self._size, "RGBA32F")
             target.clear(nowhere)
-            cast.look_up(into, self.hits(band, slot), nowhere, self.surface.tables, self.to_space)
+            cast.look_up(into, self.hits(band, slot), nowhere, tables, self.to_space)
             yield into.texture, range(band.height)
             return
         for done in self.batches.draw(into, band):
@@ -173,9 +173,9 @@ class Flat(Source):
             yield into.texture, range(0 if done == 1.0 else row, row)
 
     @property
-    def _is_cut(self) -> bool:
-        """Whether high meshes are clear somewhere."""
-        return self.surface is not None and self.surface.tables.cutouts is not None
+    def _cut(self) -> cast.Tables | None:
+        """The tables of the high meshes, if these are clear somewhere."""
+        return self.surface.tables if self.surface is not None and self.surface.tables.cutouts is not None else None
 
     def drawn(self, slot: int = 0) -> target.Target:
         make = target.get if self.is_changed_later else target.offscreen
@@ -183,15 +183,15 @@ class Flat(Source):
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         into = super().hits(band, slot)
+        surface = self.surface
+        if surface is None:
+            raise ValueError("hits need the surface of the high meshes")
         if self._in_uv is None:
-            surface = self.surface
-            if surface is None:
-                raise ValueError("hits need the surface of the high meshes")
             numbers = surface.numbers if self.is_drawn is None else surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
                 self._in_uv = high_in_uv.upload_for_hits(surface.uv, numbers), len(numbers)
         with self.timings.timed("draw"):
-            high_in_uv.draw_hits(into, *self._in_uv, band.uv_to_clip, self.surface.tables.cutouts)
+            high_in_uv.draw_hits(into, *self._in_uv, band.uv_to_clip, surface.tables.cutouts)
         return into
 
 

@@ -103,10 +103,10 @@ def with_cutouts(high: Mesh, meshes: Meshes, known: Known) -> Mesh:
                 values = high.layers.get((ATTRIBUTE, name), np.zeros((len(layer), 4), np.float32))[triangles]
                 layer[triangles, 0] = value_of(cut.feed, values) - cut.threshold
                 layer[triangles, 2] = DIRECT
-            case ImageFeed():
-                _add(layer, alphas, _by_tile(high, triangles, cut, meshes, known))
-            case ExactFeed():
-                _add(layer, alphas, _evaluated(high, triangles, cut, meshes, known))
+            case ImageFeed() as feed:
+                _add(layer, alphas, _by_tile(high, triangles, cut, meshes, known, feed=feed))
+            case ExactFeed() as feed:
+                _add(layer, alphas, _evaluated(high, triangles, cut, meshes, known, feed=feed))
     if not layer[:, 2].any():
         return _solid(high)
     if has_layer(high) and high.alphas == tuple(alphas) and np.array_equal(high.layers[KEY], layer):
@@ -132,38 +132,40 @@ def _add(layer: np.ndarray, alphas: list[Alpha], shown: Iterable[Shown]) -> None
             layer[triangles, 2] = len(alphas)
 
 
-def _by_tile(high: Mesh, triangles: np.ndarray, cut: CutOut, meshes: Meshes, known: Known) -> Iterator[Shown]:
+def _by_tile(
+    high: Mesh, triangles: np.ndarray, cut: CutOut, meshes: Meshes, known: Known, *, feed: ImageFeed
+) -> Iterator[Shown]:
     """What the triangles of a material show of an image, and of each of its tiles: the middle of a triangle says which."""
-    feed, rows = cut.feed, np.array(cut.feed.mapping)
+    rows = np.array(feed.mapping)
     shown = _uv(high, feed.uv_layer)[triangles] @ rows[:, :2].T + rows[:, 2]
     middles = np.floor(shown.mean(axis=1))
     for tile in feed.tiles or (0,):
         corner = np.array(udim.place(tile) if tile else (0, 0))
         some = (middles == corner).all(axis=1) if tile else np.ones(len(triangles), bool)
         if some.any():
-            alpha = _loaded(cut, tile, meshes.load_image, known)
+            alpha = _loaded(cut, feed, tile, meshes.load_image, known)
             yield alpha, triangles[some], (shown[some] - corner) * alpha.size
 
 
-def _loaded(cut: CutOut, tile: int, load_image: LoadImage, known: Known) -> Alpha:
+def _loaded(cut: CutOut, feed: ImageFeed, tile: int, load_image: LoadImage, known: Known) -> Alpha:
     key = cut, tile
     if key not in known:
-        feed = cut.feed
         extension = Extension.EXTEND if tile else feed.extension
         outside = float(value_of(feed, np.zeros((1, 4), np.float32))[0] - cut.threshold)
-        known[key] = Alpha(_read(cut, tile, load_image), extension, outside, feed.is_smooth, key)
+        known[key] = Alpha(_read(cut, feed, tile, load_image), extension, outside, feed.is_smooth, key)
     return known[key]
 
 
 def _is_as_read(alpha: Alpha, load_image: LoadImage) -> bool:
     """Whether an image of an earlier reading still has its pixels."""
     cut, *of = alpha.of
-    return isinstance(cut.feed, ImageFeed) and np.array_equal(alpha.values, _read(cut, of[0], load_image))
+    feed = cut.feed
+    return isinstance(feed, ImageFeed) and np.array_equal(alpha.values, _read(cut, feed, of[0], load_image))
 
 
-def _read(cut: CutOut, tile: int, load_image: LoadImage) -> np.ndarray:
+def _read(cut: CutOut, feed: ImageFeed, tile: int, load_image: LoadImage) -> np.ndarray:
     """The values (h, w) float32 of an image, of which those below 0 are clear."""
-    values = alpha_values(cut.feed, load_image(cut.feed.image, tile)) - cut.threshold
+    values = alpha_values(feed, load_image(feed.image, tile)) - cut.threshold
     return values.astype(np.float32)
 
 
@@ -171,9 +173,11 @@ EVALUATED = 512
 """Pixels along the longer side of the UVs that a material covers, where Cycles evaluates its alpha: 2.6 seconds on one core."""
 
 
-def _evaluated(high: Mesh, triangles: np.ndarray, cut: CutOut, meshes: Meshes, known: Known) -> Iterator[Shown]:
+def _evaluated(
+    high: Mesh, triangles: np.ndarray, cut: CutOut, meshes: Meshes, known: Known, *, feed: ExactFeed
+) -> Iterator[Shown]:
     """What they show of an alpha that nodes make of UVs: Cycles evaluates it on a square that has them."""
-    ((_, name),) = cut.feed.layers
+    ((_, name),) = feed.layers
     uv = _uv(high, name)[triangles]
     low, high_end = uv.reshape(-1, 2).min(axis=0), uv.reshape(-1, 2).max(axis=0)
     extent = np.maximum(high_end - low, 1e-6)
@@ -182,13 +186,11 @@ def _evaluated(high: Mesh, triangles: np.ndarray, cut: CutOut, meshes: Meshes, k
     if key not in known:
         corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
         square = Mesh.of_arrays(high.name, np.pad(corners, ((0, 0), (0, 1))), np.array([(0, 1, 2), (0, 2, 3)]))
-        square = replace(
-            square, layers={cut.feed.layers[0]: (low + corners[square.vertices] * extent).astype(np.float32)}
-        )
+        square = replace(square, layers={feed.layers[0]: (low + corners[square.vertices] * extent).astype(np.float32)})
         v, u = ((np.indices(size[::-1]) + 0.5) / size[::-1, None, None]).reshape(2, -1)
         is_upper = v > u
         weights = np.where(is_upper, (1.0 - v, u, v - u), (1.0 - u, u - v, v)).T.astype(np.float32)
-        hits = HitsOfFeed(cut.feed, square, 1, is_upper.astype(int), weights)
+        hits = HitsOfFeed(feed, square, 1, is_upper.astype(int), weights)
         values = meshes.evaluate([hits])[0][:, 0].reshape(size[::-1]) - cut.threshold
         known[key] = Alpha(values.astype(np.float32), Extension.EXTEND, 0.0, True, key)
     yield known[key], triangles, (uv - low) / extent * size

@@ -247,7 +247,8 @@ class Search:
         if self.rule != Hit.OWN:
             return (TRACE_FIRST_CUT, TRACE_FIRST_LEFT_CUT) if is_cut else (TRACE_FIRST, TRACE_FIRST_LEFT)
         if self.by_order:
-            return (TRACE_ORDERED_CUT if is_cut else TRACE_ORDERED,) * 2
+            program = TRACE_ORDERED_CUT if is_cut else TRACE_ORDERED
+            return program, program
         return (TRACE_CUT, TRACE_LEFT_CUT) if is_cut else (TRACE, TRACE_LEFT)
 
 
