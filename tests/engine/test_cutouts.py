@@ -375,3 +375,32 @@ def test_a_constant_of_no_shader_is_no_cut_out():
     scenes.set_inputs(material, Alpha=0.0)
     (clear,) = read_materials([material], ImageTextures())
     assert clear.cutout.feed == Constant((0.0, 0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("node", "output", "is_told"),
+    [
+        ("ShaderNodeFresnel", "Fac", False),
+        ("ShaderNodeLayerWeight", "Facing", False),
+        ("ShaderNodeNewGeometry", "Backfacing", False),
+        ("ShaderNodeObjectInfo", "Random", True),
+    ],
+)
+def test_what_is_clear_from_some_sides_is_solid_without_a_word(node, output, is_told):
+    """A film, or faces without a back: the map is that of a solid material."""
+    heights = []
+    for is_mixed in (False, True):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        low, high = zoo.plane("low"), zoo.terrain("high", 16)
+        tree = scenes.material("film", high).node_tree
+        if is_mixed:
+            mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+            tree.links.new(tree.nodes.new(node).outputs[output], mix.inputs[0])
+            tree.links.new(tree.nodes["Principled BSDF"].outputs[0], mix.inputs[1])
+            tree.links.new(clear.outputs[0], mix.inputs[2])
+            tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        report, made = maps.bake_all_maps(low, high, maps=("HEIGHT",), method="CAST", size=SIDE)
+        heights.append(made["height"])
+    assert not report.cut_outs
+    assert any("Cut-outs" in text for text in report.warnings) == is_told
+    assert np.array_equal(*heights)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which sockets Cycles can evaluate at single points of a surface, and what of the mesh their nodes read."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import bpy
@@ -46,6 +46,34 @@ _OUTPUTS = {
 """Outputs of other nodes that are known at a point. The rest looks at the view, at light, or at the mesh around the point."""
 
 
+_OF_VIEW = {
+    *("ShaderNodeFresnel", "ShaderNodeLayerWeight", "ShaderNodeLightPath", "ShaderNodeCameraData"),
+    *("Backfacing", "Incoming", "Camera", "Window", "Reflection"),
+}
+"""Nodes, and outputs of other nodes, that look at who looks at the surface."""
+_PLACED = {"ShaderNodeTexImage", "ShaderNodeVertexColor", "ShaderNodeAttribute"}
+"""Nodes that put values at places of a surface."""
+
+
+def _sources(values: NodeValues, first: Place, seen: set[Place]) -> Iterator[Place]:
+    """The outputs on which an input depends that are not `seen` yet, each before those that feed it."""
+    waiting = [first]
+    while waiting:
+        output = values.links.source(waiting.pop())
+        if output.socket.is_output and output not in seen:
+            seen.add(output)
+            yield output
+            waiting += [output.beside(socket) for socket in output.node.inputs if socket.enabled]
+
+
+def are_of_view(values: NodeValues, places: Sequence[Place]) -> bool:
+    """Whether inputs depend on the view, as those of films and of faces without a back, and not on images or attributes."""
+    seen: set[Place] = set()
+    outputs = [output for place in places for output in _sources(values, place, seen)]
+    kinds = {output.node.bl_idname for output in outputs}
+    return bool(_OF_VIEW & (kinds | {output.socket.name for output in outputs})) and not kinds & _PLACED
+
+
 @dataclass
 class _Walk:
     """What the nodes read that feed some sockets.
@@ -64,15 +92,8 @@ class _Walk:
 
     def follow(self, first: Place) -> None:
         """Add what feeds an input. Raises NotFollowedError for a node that Cycles cannot evaluate at a point."""
-        waiting = [first]
-        while waiting:
-            place = waiting.pop()
-            output = self.values.links.source(place)
-            if not output.socket.is_output or output in self._seen:
-                continue
-            self._seen.add(output)
+        for output in _sources(self.values, first, self._seen):
             self._look_at(output)
-            waiting += [output.beside(socket) for socket in output.node.inputs if socket.enabled]
 
     def _look_at(self, output: Place) -> None:
         node, kind, name = output.node, output.node.bl_idname, output.socket.name

@@ -13,7 +13,7 @@ from ...core.material_feeds import Constant, CutOut, DetailFeed, Feed, HighMater
 from ...mesh.triangle_mesh import UV_LAYER
 from ..textures import ImageTextures
 from . import arithmetic_nodes, texture_nodes
-from .exact_nodes import exact_feed
+from .exact_nodes import are_of_view, exact_feed
 from .node_values import NodeValues, Place, title
 from .signals import NotAffineError, NotFollowedError, Signal, combine, is_image, limited, number, scaled
 from .texture_nodes import read_detail
@@ -317,7 +317,8 @@ def _read(
 def _cutout(
     values: NodeValues, material: Material, shader: Shader, *, is_exact: bool
 ) -> tuple[CutOut | None, tuple[str, ...]]:
-    """Where the material is clear; None for glass, which is solid, and for a constant alpha above 0. And what is left out.
+    """Where the material is clear; None if it is solid: glass, a constant alpha above 0, or one of the view alone. And what is
+    left out.
 
     The threshold is that which nodes compare alpha with, or else a half.
     """
@@ -332,6 +333,8 @@ def _cutout(
         lacking = tuple(note for note in signal.notes if "two textures" in note)
     except (NotFollowedError, NotAffineError) as error:
         found, lacking = None, (f"it is solid, because {_reason(error, shader)}",)
+    if lacking and ALPHA in shader.values and are_of_view(values, places_of(shader, ALPHA)):
+        return None, ()
     if lacking and is_exact and ALPHA in shader.values:
         try:
             feed = exact_feed(values, places_of(shader, ALPHA), material.session_uid, ALPHA)
