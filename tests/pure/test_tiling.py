@@ -106,6 +106,16 @@ def test_normals_at_opposite_borders_become_one():
     assert repeat_of(mesh, "uv").joined(mesh) is joined
 
 
+@pytest.mark.parametrize(("off", "is_joined"), [(1e-5, True), (1e-4, False)])
+def test_borders_join_that_meet_but_for_rounding(off, is_joined):
+    """A sculpt's borders are off by what single precision loses; those of two different ones stay open."""
+    mesh = grid(lambda u, v: 0.1 * np.sin(np.pi * u) + off * (u == 1.0))
+    joined = repeat_of(grid(), "u").joined(mesh)
+    normals = np.empty((SIDE + 1, SIDE + 1, 3))
+    normals.reshape(-1, 3)[joined.vertices] = joined.normals
+    assert np.array_equal(normals[1:-1, 0], normals[1:-1, -1]) == is_joined
+
+
 def test_flat_faces_keep_their_normals():
     flat = [0, 5, SIDE * SIDE - 1]
     mesh = grid(wave, flat=flat)
