@@ -21,6 +21,7 @@ from ..output import datablocks, map_names, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs, results, several
+from .callbacks import until_change
 from .findings import findings
 from .fix_buttons import draw_button, draw_fixable
 from .live import live
@@ -184,11 +185,14 @@ MOST_CHECKED = 4
 """Of several low objects, those of which more than UV maps is checked at each redraw. The bake checks all."""
 
 
-def problems(context: bpy.types.Context, all_chosen: Sequence[Chosen]) -> dict[bpy.types.Object | None, str]:
-    """Why low objects cannot be baked, in sentences."""
-    found = {chosen.low: bake_problem(context, chosen) for chosen in all_chosen[:MOST_CHECKED]}
-    for chosen in filter(lambda one: object_checks.lacks_uvs(one.low), all_chosen[MOST_CHECKED:]):
-        found[chosen.low] = object_checks.problem(context, chosen.low, chosen.highs, chosen.cage, chosen.rays.method)
+def problems(
+    context: bpy.types.Context, all_chosen: Sequence[Chosen], more: Sequence[bpy.types.Object]
+) -> dict[bpy.types.Object | None, str]:
+    """Why low objects cannot be baked, in sentences. more: of which UV maps alone are checked."""
+    found = {chosen.low: bake_problem(context, chosen) for chosen in all_chosen}
+    for low in filter(object_checks.lacks_uvs, more):
+        chosen = context.scene.imprint.alone(context, low)
+        found[low] = object_checks.problem(context, low, chosen.highs, chosen.cage, chosen.rays.method)
     return {low: reason for low, reason in found.items() if reason}
 
 
@@ -203,10 +207,8 @@ def bake_problem(context: bpy.types.Context, chosen: Chosen) -> str:
     reason = reason or object_checks.problem(context, low, highs, chosen.cage, values.tracing.method)
     if not reason and _is_unsaved(chosen):
         reason = message("The files of the bake go beside the .blend file: save it first.")
-    reason = (
-        reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, chosen.panel)
-    )
-    return reason or covers_detail(low, highs, [image.name for image in planned_images(low, chosen.panel)])
+    reason = reason or _material_problem(low, values) or weights_problem(low, values.tracing) or _clash(low, values)
+    return reason or covers_detail(low, highs, [image.name for image in planned_images(low, values)])
 
 
 def _missing(name: str) -> str:
@@ -229,7 +231,7 @@ def _material_problem(low: bpy.types.Object, values: Settings) -> str:
     return ""
 
 
-def _clash(low: bpy.types.Object, settings: ImprintSettings) -> str:
+def _clash(low: bpy.types.Object, settings: Settings) -> str:
     """Why texture sets cannot have the names of the settings; empty if they can."""
     try:
         _filled(low, settings)
@@ -244,9 +246,9 @@ def describe_hidden(objects: Sequence[bpy.types.Object]) -> str:
     return text.format(shorten_list(repr(obj.name) for obj in objects))
 
 
-def is_normal_only(settings: ImprintSettings) -> bool:
+def is_normal_only(settings: Settings) -> bool:
     """Whether the button bakes the normal map and no other map."""
-    return settings.normal and not settings.to_settings().map.drawn_maps
+    return settings.map.normal and not settings.map.drawn_maps
 
 
 def describe_bake(chosen: Chosen) -> str:
@@ -268,7 +270,7 @@ def describe_bake(chosen: Chosen) -> str:
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    first = planned_images(low, settings)[0]
+    first = planned_images(low, chosen.settings)[0]
     target = message("over the image {}") if datablocks.get(first.name) else message("into a new image {}")
     parts = [
         space,
@@ -283,20 +285,24 @@ def describe_bake(chosen: Chosen) -> str:
     return f"{action.format(**objects)}: {', '.join(parts)}."
 
 
-def describe_several(all_chosen: Sequence[Chosen]) -> str:
+def describe_several(context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> str:
     """What the button will do with several low objects, in a sentence."""
-    settings = all_chosen[0].panel
-    if all(object_checks.shows_own_surface(chosen.low, chosen.highs) for chosen in all_chosen):
+    settings = context.scene.imprint
+
+    def are_own() -> bool:
+        return all(object_checks.shows_own_surface(low, settings.alone(context, low).highs) for low in lows)
+
+    if until_change.get("own surfaces", tuple(low.session_uid for low in lows), are_own):
         action = message("Bakes the materials and the shape of {} objects, each onto itself")
     else:
         action = message("Bakes {} objects, each onto itself or with the detail of its pair")
-    first = planned_images(all_chosen[0].low, settings, ATLAS if settings.share_image else "")[0]
+    first = planned_images(lows[0], settings.to_settings(), ATLAS if settings.share_image else "")[0]
     into = message("into one image {}") if settings.share_image else message("into images such as {}")
     size = f"{settings.width} x {settings.height}"
-    return f"{action.format(len(all_chosen))}: {size}, {into.format(repr(first.name))}."
+    return f"{action.format(len(lows))}: {size}, {into.format(repr(first.name))}."
 
 
-def count_images(low: bpy.types.Object, settings: ImprintSettings) -> str:
+def count_images(low: bpy.types.Object, settings: Settings) -> str:
     """How many images the button fills, in a line: the box keeps its height, so that lists below it do not move."""
     return message("Images of this bake: {}").format(len(planned_images(low, settings)))
 
@@ -318,7 +324,7 @@ class PlannedImage:
         return f"{self.name} ({self.file})" if self.file else self.name
 
 
-def planned_images(low: bpy.types.Object, settings: ImprintSettings, name: str = "") -> list[PlannedImage]:
+def planned_images(low: bpy.types.Object, settings: Settings, name: str = "") -> list[PlannedImage]:
     """The images that a bake would fill: that of the report first, then the others.
 
     Args:
@@ -338,10 +344,9 @@ def _images(filled: Settings) -> list[PlannedImage]:
     ]
 
 
-def _filled(low: bpy.types.Object, settings: ImprintSettings, low_name: str = "") -> list[Settings]:
+def _filled(low: bpy.types.Object, values: Settings, low_name: str = "") -> list[Settings]:
     """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
     texture sets would share."""
-    values = settings.to_settings()
     names = [job.material for job in by_material([Job(low, [])], values.storing)] if values.map.texture_sets else [""]
     return [bake_jobs.for_low(values, low_name or low.name, name) for name in names]
 
@@ -364,10 +369,12 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.imprint
-        all_chosen = settings.all_chosen(context)
+        lows = several.lows(context, settings)
+        all_chosen = [settings.alone(context, low) for low in lows[:MOST_CHECKED]] or [settings.chosen(context)]
         chosen = all_chosen[0]  # of the active object
-        reasons = {} if live.is_on else problems(context, all_chosen)  # Live does not depend on the selection
-        problem = next(iter(reasons.values()), "") if len(reasons) == len(all_chosen) else ""
+        # Live does not depend on the selection.
+        reasons = {} if live.is_on else problems(context, all_chosen, lows[MOST_CHECKED:])
+        problem = next(iter(reasons.values()), "") if len(reasons) == max(1, len(lows)) else ""
         is_planned = not (live.is_on or problem or chosen.low in reasons)
         issues = _findings(context, chosen) if is_planned else []
         notes = [*_material_notes(chosen), *_pose_notes(context, chosen)] if is_planned else []
@@ -383,14 +390,14 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "samples")
         row = layout.row()
         row.scale_y = 1.6
-        text = label("Bake Normal Map") if is_normal_only(settings) else label("Bake Maps")
+        text = label("Bake Normal Map") if is_normal_only(chosen.settings) else label("Bake Maps")
         display.draw_operator(row, MAIN, enabled=not problem, text=text, translate=False, icon="RENDER_STILL")
         row = layout.row()
         row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
-        if len(all_chosen) > 1 and not live.is_on:
-            _draw_several(layout.box(), context, all_chosen, reasons)
+        if lows and not live.is_on:
+            _draw_several(layout.box(), context, lows, all_chosen[0], reasons)
         else:
             _draw_plan(layout.box(), context, chosen, problem, issues)
         draw_batch(layout, context)
@@ -452,7 +459,7 @@ def _draw_plan(
         draw_remedy(box, context, chosen)
     else:
         draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
-        box.label(text=count_images(chosen.low, chosen.panel), translate=False)
+        box.label(text=count_images(chosen.low, chosen.settings), translate=False)
         draw_asset(box, chosen)
         _draw_switch(box, context, chosen)
         draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
@@ -473,18 +480,19 @@ def _draw_plan(
 def _draw_several(
     box: bpy.types.UILayout,
     context: bpy.types.Context,
-    all_chosen: Sequence[Chosen],
+    lows: Sequence[bpy.types.Object],
+    first: Chosen,
     reasons: dict[bpy.types.Object, str],
 ) -> None:
     """What the button will do with several low objects, and why it cannot with some."""
     settings = context.scene.imprint
-    if len(reasons) < len(all_chosen):
-        draw_paragraphs(box, context, [describe_several(all_chosen)], "INFO")
+    if len(reasons) < len(lows):
+        draw_paragraphs(box, context, [describe_several(context, lows)], "INFO")
     for low, reason in list(reasons.items())[:MOST_NOTES]:
         draw_fixable(box, context, reason, "ERROR", low.name)
         if object_checks.lacks_uvs(low):
             draw_button(box, fixes.UNWRAP, low.name)
-    if reasons and _is_unsaved(all_chosen[0]):
+    if reasons and _is_unsaved(first):
         box.operator("wm.save_mainfile", icon="FILE_TICK")
     box.prop(settings, "share_image")
     if settings.share_image:

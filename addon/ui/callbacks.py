@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Callbacks of Blender: events, timers, drawing in editors, keys. Each class adds its callbacks and removes them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import ExitStack
 from types import MappingProxyType
 from typing import Any
@@ -59,6 +59,31 @@ class Events:
 
 events = Events()
 register, unregister = events.register, events.unregister
+
+
+class UntilChange:
+    """What was found the last time, until an object or the file changes: panels ask for it at each redraw.
+
+    Blender updates its dependency graph before it draws, and before operators run.
+    """
+
+    def __init__(self):
+        self._known: dict[str, tuple[Hashable, Any]] = {}
+        names = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_post", "end")
+        events.hear(**dict.fromkeys(names, self.drop))
+
+    def get(self, name: str, key: Hashable, find: Callable[[], Any]) -> Any:
+        """What was found for `name` and the same key, or else what `find` finds. It must hold no datablocks."""
+        known = self._known.get(name)
+        if known is None or known[0] != key:
+            known = self._known[name] = key, find()
+        return known[1]
+
+    def drop(self, *_) -> None:
+        self._known.clear()
+
+
+until_change = UntilChange()
 
 
 class Timer:

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -226,9 +226,9 @@ class Chosen:
         """The cage for these objects, or None for Flatten, which needs no cage."""
         return None if self.rays.method == Method.FLATTEN else self.rays.cage
 
-    @property
+    @cached_property
     def settings(self) -> Settings:
-        """The settings of a bake of these objects."""
+        """The settings of a bake of these objects, as they were when they were asked for first."""
         return self.panel.to_settings(own=self.rays, of_own=object_pairs.CHOSEN)
 
     def hidden(self, context: bpy.types.Context) -> list[bpy.types.Object]:

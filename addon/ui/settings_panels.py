@@ -43,7 +43,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
         turns_normals = settings.edge_radius or (settings.detail_maps and _have_normal_maps(chosen.highs))
-        shares_samples = settings.to_settings().map.drawn_maps or turns_normals
+        shares_samples = chosen.settings.map.drawn_maps or turns_normals
         row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
@@ -126,7 +126,8 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             row.separator(factor=INDENT)
             column = row.column(align=True)
             draw_props(column, settings, "detail_maps", "edge_radius", "appearance")
-        drawn = settings.to_settings().map.drawn_maps
+        chosen = settings.chosen(context)
+        drawn = chosen.settings.map.drawn_maps
         titles = {
             "rays": label("Occlusion and Curvature"),
             "materials": label("Materials and Attributes"),
@@ -138,12 +139,11 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
                 draw_group(body, context, names, drawn)
-        chosen = settings.chosen(context)
         if drawn and not bake_panel.bake_problem(context, chosen):
             header, body = layout.panel("imprint_images", default_closed=True)
-            header.label(text=bake_panel.count_images(chosen.low, settings), translate=False)
+            header.label(text=bake_panel.count_images(chosen.low, chosen.settings), translate=False)
             if body is not None:
-                _draw_names(body, bake_panel.planned_images(chosen.low, settings))
+                _draw_names(body, bake_panel.planned_images(chosen.low, chosen.settings))
 
 
 def _draw_names(layout: bpy.types.UILayout, images: Iterable[bake_panel.PlannedImage]) -> None:

@@ -7,6 +7,7 @@ another. Where only the last two are not so, the panel has a button for it.
 """
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import bpy
@@ -16,6 +17,7 @@ from ..core import naming
 from ..core.declarations.choices import Method
 from ..scene import object_checks
 from . import object_pairs
+from .callbacks import until_change
 
 if TYPE_CHECKING:
     from .properties import ImprintSettings
@@ -31,9 +33,12 @@ FLAT = 0.01
 
 def lows(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
     """The low objects of a bake of several at once; empty if the panel bakes one."""
-    objects = candidates(context, panel)
-    is_pair = panel.method == Method.FLATTEN or panel.cage is not None or _lie_over(objects)
-    return [] if is_pair else objects
+    is_pair = panel.method == Method.FLATTEN or panel.cage is not None
+    objects = [] if is_pair else candidates(context, panel)
+    if len(objects) < 2:
+        return []
+    key = tuple(obj.session_uid for obj in objects)
+    return [] if until_change.get("lie over", key, lambda: _lie_over(objects)) else objects
 
 
 def candidates(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
@@ -41,14 +46,21 @@ def candidates(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy
     active = context.active_object
     if panel.low is not None or any(slot.title for slot in panel.highs) or active is None or not active.select_get():
         return []
-    selected = list(context.view_layer.objects.selected)
+    selected = [active, *(obj for obj in context.view_layer.objects.selected if obj != active)]
+    # The places of those that are baked, since objects that are kept may be deleted.
+    key = (panel.suffixes(), *((obj.session_uid, obj.name) for obj in selected))
+    return [selected[place] for place in until_change.get("candidates", key, lambda: _places(panel, selected))]
+
+
+def _places(panel: "ImprintSettings", selected: Sequence[bpy.types.Object]) -> list[int]:
+    """The places of `candidates` in the selection, which begins with the active object."""
     pairs = list(filter(None, map(object_pairs.of, selected)))
     cages = {pair.cage for pair in pairs}
-    others = [obj for obj in selected if obj not in cages and obj != active]
-    objects = [active, *filter(object_checks.may_show, others)]
+    may_be = [not place or (obj not in cages and object_checks.may_show(obj)) for place, obj in enumerate(selected)]
+    objects = list(compress(selected, may_be))
     highs = {high for pair in pairs if not pair.is_own for high in pair.found()}
     is_high = any(obj.type != "MESH" or obj in highs or _is_called_high(obj, panel) for obj in objects)
-    return [] if is_high or len(objects) < 2 else objects
+    return [] if is_high or len(objects) < 2 else list(compress(range(len(selected)), may_be))
 
 
 def _is_called_high(obj: bpy.types.Object, panel: "ImprintSettings") -> bool:

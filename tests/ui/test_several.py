@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.ui import bake_panel, object_pairs, results
+from addon.ui import bake_panel, object_pairs, properties, results, several
 from addon.ui.live import live
 from tests.support import panel_layout
 from tests.support.panel import select, use
@@ -208,3 +208,45 @@ def test_textures_are_read_by_their_own_uv_map_after_an_unwrap(props):
     is_top = (position[..., 3] > 0.0) & (position[..., 2] > 0.999) & (np.abs(position[..., :2]) < 0.96).all(axis=-1)
     assert np.count_nonzero(is_top) > 300
     np.testing.assert_allclose(color[is_top, :2], 0.5 + 0.5 * position[is_top, :2], atol=1e-3)
+
+
+# What a redraw costs
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """How often a redraw measures boxes, and reads the settings."""
+    calls = []
+    for owner, name in ((several, "_boxes"), (properties.ImprintSettings, "to_settings")):
+        original = getattr(owner, name)
+        monkeypatch.setattr(
+            owner,
+            name,
+            lambda *given, _original=original, _name=name, **how: calls.append(_name) or _original(*given, **how),
+        )
+    return calls
+
+
+def test_boxes_are_measured_only_where_an_object_has_changed(props, counted):
+    panel_layout.draw()
+    panel_layout.draw()
+    assert counted.count("_boxes") == 1
+    props[1].location.x = 0.1
+    drawn()
+    assert counted.count("_boxes") == 2
+    assert list(chosen()) == ["lamp"]
+    props[1].location.x = 2.0
+    bpy.context.view_layer.update()
+    assert len(chosen()) == 3
+    props[2].name = "lamp_high"
+    assert list(chosen()) == ["lamp"]
+
+
+def test_the_settings_of_one_pair_are_read_once_a_panel(props, counted):
+    select(props[0])
+    drawn()
+    assert counted.count("to_settings") == 1
+    select(*props)
+    counted.clear()
+    drawn()
+    assert counted.count("to_settings") <= bake_panel.MOST_CHECKED + 1
