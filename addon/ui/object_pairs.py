@@ -79,28 +79,12 @@ def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
     return object_checks.may_show(obj)
 
 
-class ImprintHigh(bpy.types.PropertyGroup):
-    """A high object of a pair, or one slot for a high object."""
+class Slot:
+    """A place for an object, which is found again by its name if it was deleted and comes back. `object` points to it."""
 
-    def _note(self, _context: bpy.types.Context) -> None:
+    def note(self, _context: bpy.types.Context) -> None:
+        """Called when another object is chosen."""
         self.called = self.object.name if self.object else ""
-
-    # Blender matches the items of library overrides by `name`, which is the index here.
-    object: labeled(
-        PointerProperty,
-        "High",
-        "Object with detail: a mesh, a curve, text, or an object that shows instances",
-        type=bpy.types.Object,
-        poll=_may_be_high,
-        update=_note,
-        override=_OVERRIDABLE,
-    )
-    called: labeled(
-        StringProperty,
-        "Name",
-        "Name of the object when the file was saved, by which it is found if it was deleted and comes back",
-        override=_OVERRIDABLE,
-    )
 
     def find(self) -> bpy.types.Object | None:
         """The object; if it was deleted, one that has its name now; else None."""
@@ -122,6 +106,32 @@ class ImprintHigh(bpy.types.PropertyGroup):
             free(before)
         if self.called != (now.name if now else title):
             self.called = now.name if now else title
+
+
+# Blender reads properties from the annotations of a class and of its bases.
+Slot.__annotations__ = {
+    "called": labeled(
+        StringProperty,
+        "Name",
+        "Name of the object when the file was saved, by which it is found if it was deleted and comes back",
+        override=_OVERRIDABLE,
+    )
+}
+
+
+class ImprintHigh(bpy.types.PropertyGroup, Slot):
+    """A high object of a pair, or one slot for a high object."""
+
+    # Blender matches the items of library overrides by `name`, which is the index here.
+    object: labeled(
+        PointerProperty,
+        "High",
+        "Object with detail: a mesh, a curve, text, or an object that shows instances",
+        type=bpy.types.Object,
+        poll=_may_be_high,
+        update=Slot.note,
+        override=_OVERRIDABLE,
+    )
 
 
 class ImprintMap(bpy.types.PropertyGroup):

@@ -26,31 +26,33 @@ NEVER_HIGH = {"LIGHT", "LIGHT_PROBE", "CAMERA", "SPEAKER"}
 """Types of objects that nobody selects to be high ones: "select all" takes them along."""
 
 
-def _set_size(settings: "ImprintSettings", texels: int) -> None:
+def _set_size(settings: "WithEngine", texels: int) -> None:
     settings.width = settings.height = texels
 
 
-def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> None:
+def _make_square(settings: "WithEngine", _context: bpy.types.Context) -> None:
     if settings.square:
-        settings.height = settings.width
+        settings.height = settings.whole.width
 
 
-def _get_names(settings: "ImprintSettings") -> str:
+def _get_names(settings: "WithEngine") -> str:
     """How maps are named, for a preset; empty if that fits one object alone."""
-    names = naming.of_one_texture(settings.image)
+    names = naming.of_one_texture(settings.whole.image)
     return names if naming.has_low(names) and naming.MATERIAL not in names else ""
 
 
-def _set_names(settings: "ImprintSettings", names: str) -> None:
+def _set_names(group: "WithEngine", names: str) -> None:
     """Name the image and the file after a preset. The folder and the ending of the file stay."""
+    settings = group.whole
     if names:
         filled = naming.of_texture_sets(names) if settings.texture_sets else names
         settings.image = "" if names == naming.USUAL else filled
         settings.output = naming.renamed(settings.output, filled)
 
 
-def _fit_depth(settings: "ImprintSettings", _context: bpy.types.Context) -> None:
+def _fit_depth(group: "WithEngine", _context: bpy.types.Context) -> None:
     """Set a depth that the file can have: .tga has 8 bits alone, whether a preset has set 16 or nobody."""
+    settings = group.whole
     if settings.storage == Storage.FILE and not file_formats.takes(settings.output, int(settings.depth)):
         settings.depth = str(file_formats.usual_depth(settings.output))
 
@@ -66,7 +68,47 @@ def _choose(name: str):
     return update
 
 
-class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
+class WithEngine:
+    """What a scene and a set have beside the settings of a bake: an engine sets several of them at once."""
+
+    @property
+    def whole(self) -> "WithEngine":
+        """All settings, where a set has some of its own alone. What is set there becomes the set's own."""
+        return self
+
+
+# Blender reads properties from the annotations of a class and of its bases.
+WithEngine.__annotations__ = {
+    "size": declared("size", get=lambda self: self.whole.width, set=_set_size),
+    "square": declared("square", update=_make_square),
+    "output": declared("output", update=_fit_depth),
+    "names": labeled(
+        StringProperty,
+        "Names of Maps",
+        "Names that an engine or a preset gives to images and files, with {low} or {name}",
+        get=_get_names,
+        set=_set_names,
+    ),
+    "export": declared("export"),
+    "engine": labeled(
+        EnumProperty,
+        "Engine",
+        "Program that gets the maps. It sets channels, basis, depth, alpha, packing, names, files and the export at once",
+        items=engine_choice.engine_items,
+        get=lambda self: engine_choice.get_engine(self.whole),
+        set=lambda self, number: engine_choice.set_engine(self.whole, number),
+    ),
+    "engine_name": labeled(
+        StringProperty,
+        "Engine",
+        "Name of the engine that was chosen last",
+        default=targets.OF_SCENE,
+        options={"HIDDEN"},
+    ),
+}
+
+
+class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, MapList):
     """Scene.imprint."""
 
     readers: declared("targets", update=passed_on("readers", "targets"), options={"HIDDEN"})
@@ -78,37 +120,21 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, OfPanels, MapList):
     extrusion: declared("extrusion", update=_choose("extrusion"))
     max_distance: declared("max_distance", update=_choose("max_distance"))
     live_every_time: declared("live_every_time")
-    size: declared("size", get=lambda self: self.width, set=_set_size)
-    square: declared("square", update=_make_square)
     show_result: declared("show_result")
-    output: declared("output", update=_fit_depth)
-    names: labeled(
-        StringProperty,
-        "Names of Maps",
-        "Names that an engine or a preset gives to images and files, with {low} or {name}",
-        get=_get_names,
-        set=_set_names,
-    )
-    export: declared("export")
-    engine: labeled(
-        EnumProperty,
-        "Engine",
-        "Program that gets the maps. It sets channels, basis, depth, alpha, packing, names, files and the export at once",
-        items=engine_choice.engine_items,
-        get=engine_choice.get_engine,
-        set=engine_choice.set_engine,
-    )
-    engine_name: labeled(
-        StringProperty,
-        "Engine",
-        "Name of the engine that was chosen last",
-        default=targets.OF_SCENE,
-        options={"HIDDEN"},
-    )
     convert_image: labeled(
         PointerProperty, "Map", "Normal map to convert: an image of Imprint or of another baker", type=bpy.types.Image
     )
     active_high: labeled(IntProperty, "Active High", "Index of the selected slot")
+    bakes: labeled(
+        EnumProperty,
+        "Bakes",
+        "What the panel bakes",
+        items=[
+            ("SELECTION", "Selection", "The selected objects, or those in the slots"),
+            ("SETS", "Sets", "The parts of a set, which stays in the file"),
+        ],
+    )
+    active_set: labeled(IntProperty, "Active Set", "Index of the selected set", min=0)
 
     def chosen(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> "Chosen":
         """The low object and the high ones: from the slots, else the active and the other selected objects.

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sets of a scene, which the file keeps: `Scene.imprint_sets`. The panel bakes them while `Scene.imprint.bakes` is SETS.
+
+A set has a name, its parts, which are low objects, how they share textures, and the settings that are its own. High objects,
+cage, size, distance and the switch of a part are not here: its low object has them, see object_pairs, whatever bakes it.
+
+    one = sets.active(context)              # None while the panel bakes the selection
+    sets.lows(context, one)                 # the low objects, which can be switched off each
+    sets.resolve(context, one)              # what is baked, as plain data
+    one.own.is_own("width")                 # whether a setting is the set's own, and not the scene's
+    one.own.whole.width                     # the setting that counts
+"""
+
+import itertools
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+
+from ..core import naming
+from ..core.declarations import targets
+from ..core.declarations.all_settings import DECLARED, FORMER
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError
+from ..core.naming import LOW, MATERIAL, NAME, Pair
+from ..core.settings import Settings
+from ..jobs.job import Job
+from ..jobs.sets import SetJob
+from ..scene import object_checks
+from . import object_pairs
+from .callbacks import events, registering
+from .declared_properties import REACHES, MapList, Options, length_name, map_switch
+from .object_pairs import Slot, is_mesh
+from .properties import ImprintSettings, WithEngine
+from .texts import labeled
+
+NEW = "Set"
+"""The name of a set that nothing names."""
+STANDS_FOR = {
+    "size": ("width", "height"),
+    "names": ("image", "output"),
+    "engine": (
+        *("engine_name", *targets.CHOICES[targets.OF_SCENE].values),
+        *("image", "output", "storage", "export"),
+    ),
+    **{length_name(name): (name,) for name in REACHES},
+    **{map_switch(name): ("maps",) for name in DECLARED["maps"].values},
+}
+"""The settings behind properties whose values are made."""
+_STORED = tuple(
+    name for name in (*Options.__annotations__, *WithEngine.__annotations__) if name not in {*STANDS_FOR, *FORMER}
+)
+
+
+class ImprintPart(bpy.types.PropertyGroup, Slot):
+    """A part of a set."""
+
+    object: labeled(
+        PointerProperty, "Low", "Low object of the part", type=bpy.types.Object, poll=is_mesh, update=Slot.note
+    )
+
+
+class Whole:
+    """All settings, where a set has some of its own. What is set becomes the set's own."""
+
+    def __init__(self, scene: ImprintSettings, own: "ImprintOwn"):
+        vars(self).update(_scene=scene, _own=own)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._own if name in _MADE or self._own.is_own(name) else self._scene, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        setattr(self._own if name in _OF_SETS else self._scene, name, value)
+
+
+_MADE = {"size", "names", "engine"}
+"""Properties of a set whose values are made from those that count."""
+_OF_SETS = {*_STORED, *STANDS_FOR}
+"""The settings that a set can have of its own."""
+
+
+class ImprintOwn(bpy.types.PropertyGroup, WithEngine, Options, MapList):
+    """The settings that are a set's own: those that were set here. The others are the scene's."""
+
+    @property
+    def whole(self) -> Whole:
+        return Whole(self.id_data.imprint, self)
+
+    def names_of_own(self) -> list[str]:
+        """The settings that are the set's own."""
+        return [name for name in _STORED if self.is_property_set(name)]
+
+    def is_own(self, name: str) -> bool:
+        """Whether a setting is the set's own."""
+        return name in _OF_SETS and self.is_property_set(_behind(name)[0])
+
+    def make_own(self, name: str) -> None:
+        """Make a setting the set's own, with the value that counts now. A number comes with its switch."""
+        for each in dict.fromkeys(filter(None, (each for one in _behind(name) for each in (_switch(one), one)))):
+            setattr(self, each, getattr(self.whole, each))
+
+    def back(self, name: str) -> None:
+        """Give a setting back to the scene: a switch with its numbers, and the last number of a switch with it."""
+        for one in _behind(name):
+            for each in (one, *_numbers(one)):
+                self.property_unset(each)
+            if _switch(one) and not any(map(self.is_property_set, _numbers(_switch(one)))):
+                self.property_unset(_switch(one))
+
+
+def _behind(name: str) -> tuple[str, ...]:
+    """The settings that are stored for a property."""
+    return STANDS_FOR.get(name, (name,))
+
+
+def _switch(name: str) -> str:
+    return getattr(DECLARED.get(name), "switch", "")
+
+
+def _numbers(switch: str) -> list[str]:
+    """The settings that a switch makes None."""
+    return [name for name in _STORED if _switch(name) == switch]
+
+
+class ImprintSet(bpy.types.PropertyGroup):
+    """An item of Scene.imprint_sets. See the top of this module."""
+
+    def _rename(self, _context: bpy.types.Context) -> None:
+        unique = unique_name(self.id_data, self.name, self)
+        if unique != self.name:
+            self.name = unique
+
+    name: labeled(
+        StringProperty, "Name", "Name of the set, which an image has that all its parts share", update=_rename
+    )
+    is_on: labeled(BoolProperty, "Bake", "Whether Bake All Sets bakes this set", default=True)
+    source: labeled(
+        EnumProperty,
+        "Source",
+        "Where the parts come from",
+        items=[
+            ("PARTS", "Parts", "The objects in the list"),
+            ("COLLECTION", "Collection", "All meshes in a collection that no name and no pair calls high or cage"),
+            ("NAMES", "Names", "All low objects of the scene with high ones that are called alike"),
+        ],
+    )
+    parts: labeled(CollectionProperty, "Parts", "The low objects of the set", type=ImprintPart)
+    active_part: labeled(IntProperty, "Active Part", "Index of the selected part", min=0)
+    collection: labeled(
+        PointerProperty, "Collection", "Collection with the low objects of the set", type=bpy.types.Collection
+    )
+    textures: labeled(
+        EnumProperty,
+        "Textures",
+        "Which parts share an image",
+        items=[
+            ("PART", "Each Part", "An image for each part"),
+            ("MATERIAL", "Each Material", "An image for each material, which all parts share that wear it"),
+            ("ONE", "One for All", "One image for all parts, an atlas, which is named after the set"),
+        ],
+    )
+    own: labeled(PointerProperty, "Own Settings", "The settings that the scene does not decide", type=ImprintOwn)
+
+    def is_own(self, name: str) -> bool:
+        """Whether a setting is the set's own."""
+        return self.own.is_own(name)
+
+    def make_own(self, name: str) -> None:
+        """As ImprintOwn.make_own."""
+        self.own.make_own(name)
+
+    def back(self, name: str) -> None:
+        """As ImprintOwn.back."""
+        self.own.back(name)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the set as plain data, with names that fit its textures."""
+        scene = self.id_data.imprint
+        settings = scene.to_settings(own=self.own, of_own=self.own.names_of_own())
+        return _with_textures(settings, self.textures)
+
+
+def _with_textures(settings: Settings, textures: str) -> Settings:
+    """The settings for images that parts share as `textures` of a set has it."""
+    storing, by_material = settings.storing, textures == "MATERIAL"
+    image, output = (_named(text, by_material=by_material) for text in (storing.image, storing.output))
+    return settings.mapped(texture_sets=by_material).stored(image=image, output=output)
+
+
+def _named(text: str, *, by_material: bool) -> str:
+    """The name of an image or a path. An image of a material that all share is named after the material."""
+    if not by_material:
+        return naming.of_one_texture(text)
+    at = max(text.rfind("/"), text.rfind("\\")) + 1
+    folder, name = text[:at], text[at:]
+    return text if MATERIAL in text else folder + name.replace(LOW, MATERIAL).replace(NAME, MATERIAL)
+
+
+def unique_name(scene: bpy.types.Scene, name: str, own: ImprintSet | None = None) -> str:
+    """The name, with a number if another set than `own` has it."""
+    taken = {one.name for one in scene.imprint_sets if one != own}
+    name = name.strip() or NEW
+    return next(each for each in _numbered(name) if each not in taken)
+
+
+def _numbered(name: str) -> Iterator[str]:
+    yield name
+    base, dot, number = name.rpartition(".")
+    base, start = (base, int(number)) if dot and base and number.isdecimal() else (name, 0)
+    yield from (f"{base}.{each:03}" for each in itertools.count(start + 1))
+
+
+def copy(
+    source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup, left_out: Collection[str] = ("name",)
+) -> None:
+    """Copy what is set in a group to another one of its kind."""
+    for prop in source.bl_rna.properties:
+        name = prop.identifier
+        if name in left_out or not source.is_property_set(name):
+            continue
+        value = getattr(source, name)
+        if prop.type == "COLLECTION":
+            for item in value:
+                copy(item, getattr(target, name).add(), ())
+        elif isinstance(value, bpy.types.PropertyGroup):
+            copy(value, getattr(target, name), ())
+        elif not prop.is_readonly:
+            setattr(target, name, value)
+
+
+def active(context: bpy.types.Context) -> ImprintSet | None:
+    """The set that the panel bakes; None while it bakes the selection."""
+    scene = context.scene
+    if scene.imprint.bakes != "SETS" or not len(scene.imprint_sets):
+        return None
+    return scene.imprint_sets[min(scene.imprint.active_set, len(scene.imprint_sets) - 1)]
+
+
+def lows(context: bpy.types.Context, one: ImprintSet) -> list[bpy.types.Object]:
+    """The low objects of a set that exist, also those that are switched off."""
+    if one.source == "NAMES":
+        return [low for low, _ in _by_name(context)]
+    if one.source == "COLLECTION":
+        return _of_collection(context, one)
+    found = (part.find() for part in one.parts)
+    return list(dict.fromkeys(low for low in found if low is not None))
+
+
+def _by_name(context: bpy.types.Context) -> list[tuple[bpy.types.Object, Pair]]:
+    """The low objects of the view layer with their pairs by name. Raises BakeError for suffixes that are the same."""
+    pairs, _ = context.scene.imprint.pairs_by_name(context)
+    objects = object_checks.by_name(context.view_layer.objects)
+    return [(objects[pair.low], pair) for pair in pairs]
+
+
+def _of_collection(context: bpy.types.Context, one: ImprintSet) -> list[bpy.types.Object]:
+    """The meshes of a collection, and of those in it, that nothing calls high or cage."""
+    if one.collection is None:
+        return []
+    meshes = [obj for obj in one.collection.all_objects if obj.type == "MESH"]
+    return without_highs(context, meshes)
+
+
+def without_highs(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
+    """The objects that neither a name nor a pair calls high or cage."""
+    suffixes, others = context.scene.imprint.suffixes(), set()
+    for pair in filter(None, map(object_pairs.of, context.scene.objects)):
+        others.update([pair.cage], () if pair.is_own else pair.found())
+    return [obj for obj in objects if obj not in others and naming.role(obj.name, suffixes) not in {"high", "cage"}]
+
+
+def resolve(context: bpy.types.Context, one: ImprintSet) -> SetJob:
+    """What is baked of a set. Raises BakeError if nothing can be."""
+    jobs, left_out, off, settings = [], [], set(), one.settings
+    for low, job, why in _jobs(context, one):
+        reason = why or object_checks.problem(context, low, job.highs, job.cage, settings.tracing.method)
+        if not low.imprint_is_baked:
+            off.add(low.session_uid)
+        if not reason:
+            jobs.append(job)
+        elif low.imprint_is_baked:
+            left_out.append((low.name, reason))
+    left_out += [(part.title, object_pairs.problem([part.title])) for part in _gone(one)]
+    if not jobs:
+        raise BakeError(left_out[0][1] if left_out else _empty(one))
+    return SetJob(one.name, tuple(jobs), settings, one.textures != "PART", tuple(left_out), frozenset(off))
+
+
+def _gone(one: ImprintSet) -> list[ImprintPart]:
+    """The parts whose objects do not exist."""
+    return [part for part in one.parts if part.title and part.find() is None] if one.source == "PARTS" else []
+
+
+def _empty(one: ImprintSet) -> str:
+    if one.source == "COLLECTION":
+        if one.collection is None:
+            return f"The collection of the set {one.name!r} is gone: choose another one."
+        return f"The collection {one.collection.name!r} of the set {one.name!r} has no low object: add one."
+    if one.source == "NAMES":
+        return f"The set {one.name!r} has no part: no two objects are called alike, as crate_low and crate_high."
+    return f"The set {one.name!r} has no part: add low objects."
+
+
+def _jobs(context: bpy.types.Context, one: ImprintSet) -> Iterator[tuple[bpy.types.Object, Job, str]]:
+    """Each part's low object, its job, and why it cannot be baked."""
+    if one.source == "NAMES":
+        objects = object_checks.by_name(context.view_layer.objects)
+        for low, pair in _by_name(context):
+            yield low, _job(low, [objects[name] for name in pair.highs], objects.get(pair.cage)), ""
+        return
+    for low in lows(context, one):
+        chosen = context.scene.imprint.alone(context, low)
+        cage = chosen.pair.cage if chosen.pair is not None and one.settings.tracing.method != Method.FLATTEN else None
+        yield low, _job(low, chosen.highs, cage), object_pairs.problem(chosen.missing)
+
+
+def _job(low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None) -> Job:
+    """The job of a part, with the size and the distance that its low object has."""
+    return Job(low, highs, cage, size=int(low.imprint_size), distance=low.imprint_distance)
+
+
+def settle(*_) -> None:
+    """As object_pairs.settle, of the parts of sets."""
+    for scene in bpy.data.scenes:
+        for part in (part for one in scene.imprint_sets for part in one.parts if scene.library is None):
+            part.settle()
+
+
+events.hear(save_pre=settle)
+CLASSES = (ImprintPart, ImprintOwn, ImprintSet)
+register, unregister = registering(CLASSES, properties={"Scene.imprint_sets": CollectionProperty(type=ImprintSet)})
