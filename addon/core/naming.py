@@ -74,6 +74,12 @@ def of_one_texture(names: str) -> str:
     return names.replace(f"{LOW}_{MATERIAL}", LOW).replace(f"{NAME}_{MATERIAL}", NAME)
 
 
+def of_shared_textures(names: str) -> str:
+    """`names` for a texture that all low objects with a material share: that of the material takes the place of theirs."""
+    names = names.replace(f"{LOW}_{MATERIAL}", MATERIAL).replace(f"{NAME}_{MATERIAL}", MATERIAL)
+    return names if MATERIAL in names else names.replace(LOW, MATERIAL).replace(NAME, MATERIAL)
+
+
 _COPY_NUMBER = re.compile(r"\.(\d{3,})$")
 _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly", "cage": "cage"}
 """Usual endings of names. A default suffix matches all endings in its row."""

@@ -4,7 +4,7 @@
 Fills in names, checks for clashes, and counts maps.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -29,6 +29,7 @@ from ..output import map_names
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, Stored
 from ..scene import evaluation, object_checks
+from ..scene.high_materials import NO_MATERIAL
 from ..scene.object_checks import ObjectRef
 from . import one_material, pair_checks, shared_image, weights
 from .bake import bake_job, draw_raw
@@ -84,7 +85,9 @@ class Atlas:
             # Before anything changes: it raises if one was deleted.
             lows = [drawn.request.job.low for drawn in self.drawn]
             for low, drawn in zip(lows, self.drawn, strict=True):
-                outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
+                meshes = drawn.meshes
+                slots = drawn.request.job.slots
+                outputs.sample_onto(low, meshes.uv_layer, is_own_base=meshes.is_own_base, slots=slots)
             margin = self._fill(outputs, last)
             with last.timed("image"):
                 stored = outputs.commit(self.labels, lows)
@@ -105,8 +108,10 @@ class Atlas:
             self._warnings[0] += one_material.put(shown, self.settings, ATLAS if len(lows) > 1 else lows[0].name)
             return
         for each, drawn, warnings in zip(shown, self.drawn, self._warnings, strict=True):
-            own = drawn.request.settings
-            warnings.extend(into_materials(each.low, stored, each.uv_layer, own, is_own_base=each.is_own_base))
+            own, slots = drawn.request.settings, drawn.request.job.slots
+            warnings.extend(
+                into_materials(each.low, stored, each.uv_layer, own, slots=slots, is_own_base=each.is_own_base)
+            )
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
@@ -238,11 +243,14 @@ def bake_all(
     *,
     wants: Wants = NOTHING_ELSE,
     share_image: bool = False,
+    shared_name: str = ATLAS,
+    only: Collection[int] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
     """Do all of `work` at once. on_progress: called with each step."""
     pace = Pace(PROGRESS_SECONDS if on_progress else None)
-    steps = work(context, jobs, settings, pace, wants=wants, share_image=share_image)
+    sharing = {"share_image": share_image, "shared_name": shared_name, "only": only}
+    steps = work(context, jobs, settings, pace, wants=wants, **sharing)
     return older_blender.with_gpu(lambda: progress.finish(steps, on_progress))
 
 
@@ -254,37 +262,56 @@ def work(
     *,
     wants: Wants = NOTHING_ELSE,
     share_image: bool = False,
+    shared_name: str = ATLAS,
+    only: Collection[int] | None = None,
     goes_on: bool = False,
 ) -> Task[list[Report]]:
-    """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas).
+    """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas);
+    with texture sets, into an image for each material that a low object has, or that all have which wear it.
 
-    A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes. A
-    step with its report follows each. All jobs are checked before the first is baked. Raises BakeError; jobs before the one
-    that failed stay, unless they share its image.
+    A generator: Blender can continue between its steps. If it is closed early, finished images stay, and nothing else changes.
+    Steps with its reports follow each. All jobs are checked before the first is baked. Raises BakeError; images before the
+    one that failed stay.
 
     Args:
         settings: "{low}" in image and output is replaced by the low object's name.
         wants: besides the maps, of each bake.
+        share_image: whether the low objects share one image, or one for each material.
+        shared_name: takes the place of "{low}" in the name of a shared image, and of the material where faces have none.
+        only: session_uids of the low objects that are baked; None for all. The others keep their texels, but shade what is
+            baked, and their names count.
         goes_on: whether a bake that fails does not end the others: a step with the failure follows it, and only if all fail, it
             raises BakeError.
     """
-    requests = _requests(context, jobs, settings, wants, share_image=share_image)
-    if share_image:
-        kept = shared_image.kept(context, jobs, requests[0].settings, is_shared=True)
-        return (yield from _into_one(context, requests, pace, kept))
-    all_kept = [shared_image.kept(context, [each.job], each.settings) for each in requests]
+    groups = _groups(context, jobs, settings, wants, shared_name if share_image else "")
+    lows = [{request.job.low_ref for request in group} for group in groups]
+    if only is not None:
+        groups = [[request for request in group if request.job.low_ref.uid in only] for group in groups]
+    planned = [(group, refs) for group, refs in zip(groups, lows, strict=True) if group]
+    for request in (request for group, _ in planned for request in group):
+        check_job(context, request.job, request.settings)
+    all_kept = [
+        shared_image.kept(context, [each.job for each in group], group[0].settings, is_shared=share_image)
+        for group, _ in planned
+    ]
+    total, begun = sum(len(group) for group, _ in planned), 0
     reports: list[Report] = []
-    for number, (request, kept) in enumerate(zip(requests, all_kept, strict=True)):
-        done, name = (number + 1) / len(requests), request.job.low_ref.name
-        steps = part(_alone(context, request, pace, kept), number / len(requests), done)
+    for (group, _), kept in zip(planned, all_kept, strict=True):
+        start, begun = begun / total, begun + len(group)
+        steps = part(_into_one(context, group, pace, kept, is_alone=not share_image), start, begun / total)
+        name = "" if share_image else group[0].job.low_ref.name
         try:
-            reports.append((yield from relay(steps, partial(replace, finished=len(reports), low=name))))
+            baked = yield from relay(steps, partial(replace, finished=len(reports), low=name))
         except BakeError as error:
-            if not goes_on or (number + 1 == len(requests) and not reports):
+            if not goes_on or (begun == total and not reports):
                 raise
-            yield Progress("Storing", done, finished=len(reports), failure=(name, str(error)))
+            for request in group:
+                failure = request.job.low_ref.name, str(error)
+                yield Progress("Storing", begun / total, finished=len(reports), failure=failure)
         else:
-            yield Progress("Storing", done, finished=len(reports), report=reports[-1])
+            for report in baked:
+                reports.append(report)
+                yield Progress("Storing", begun / total, finished=len(reports), report=report)
     return reports
 
 
@@ -293,45 +320,57 @@ def all_or_nothing(baking: Task[list[Report]]) -> Task[list[Report]]:
     return relay(baking, partial(replace, finished=0, low="", report=None))
 
 
-def _requests(
-    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, wants: Wants, *, share_image: bool
-) -> list[Request]:
-    """Each bake of `work`, checked. Raises BakeError."""
+def _groups(
+    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, wants: Wants, shared_name: str
+) -> list[list[Request]]:
+    """The bakes of `work`, by the images that they fill. shared_name: empty if low objects share none. Raises BakeError."""
     settings.check()  # before object names are filled in, which may contain anything
     wants = replace(wants, for_others=pair_checks.is_for_others(settings, is_exported=wants.exported))
     settings = settings.read_by(context.scene.render.engine)
     if settings.map.texture_sets:
-        if share_image:
-            raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
-        jobs = by_material(jobs, settings.storing)
+        jobs = by_material(jobs, settings.storing, shares=bool(shared_name))
     requests = [
         Request(
             job,
-            for_low(_of_job(own, job, share_image), ATLAS if share_image else job.low.name, job.material),
+            named(_of_job(own, job, is_shared=bool(shared_name)), job, shared_name),
             wants,
             occluders(context, job, jobs, settings.tracing),
         )
         for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
     ]
-    read = files_kept(jobs, settings.storing)
-    if share_image:
-        check_clashes(settings.storing, [requests[0].settings], [ATLAS], read)
-    else:
-        one_material.check_apart([job.low for job in jobs], settings.storing)
-        check_clashes(settings.storing, [each.settings for each in requests], [job.title for job in jobs], read)
+    by_image: dict[object, list[Request]] = {}
     for request in requests:
-        check_job(context, request.job, request.settings)
-    return requests
+        storing = request.settings.storing
+        by_image.setdefault((storing.image, storing.output) if shared_name else id(request), []).append(request)
+    groups = list(by_image.values())
+    if not shared_name:
+        one_material.check_apart([job.low for job in jobs], settings.storing)
+    titles = [group[0].job.material or shared_name if shared_name else group[0].job.title for group in groups]
+    check_clashes(settings.storing, [group[0].settings for group in groups], titles, files_kept(jobs, settings.storing))
+    return groups
 
 
-def _of_job(settings: Settings, job: Job, shares_image: bool) -> Settings:
-    """The settings with the size and the distances that a job has for itself, see also `beside_materials`."""
+def named(settings: Settings, job: Job, shared_name: str = "") -> Settings:
+    """The settings with the names of the images of a job filled in. shared_name: as in `work`; empty if it has its own."""
+    if not shared_name:
+        return for_low(settings, job.low.name, job.material)
+    if not job.material:
+        return for_low(settings, shared_name)
+    storing = settings.storing
+    image, output = map(naming.of_shared_textures, (storing.image or naming.USUAL, storing.output))
+    material = shared_name if job.material == NO_MATERIAL else job.material
+    return for_low(settings.stored(image=image, output=output), shared_name, material)
+
+
+def _of_job(settings: Settings, job: Job, *, is_shared: bool) -> Settings:
+    """The settings with the size and the distances that a job has for itself, see also `beside_materials`. is_shared: whether
+    others share its images, which then have only the size of a material."""
     settings = beside_materials(settings, job)
     if job.tracing is not None:
         settings = settings.traced(
             method=job.tracing.method, extrusion=job.tracing.extrusion, max_distance=job.tracing.max_distance
         )
-    if job.size and not shares_image:
+    if job.size and (job.material or not is_shared):
         settings = settings.sampled(width=job.size, height=job.size)
     if job.distance:  # rays start outside, and reach as far inside
         settings = settings.traced(extrusion=job.distance, max_distance=2.0 * job.distance)
@@ -363,15 +402,12 @@ def occluders(
     return tuple(refs.values())
 
 
-def _alone(context: bpy.types.Context, request: Request, pace: Pace, kept: Kept) -> Task[Report]:
-    """Do one bake into its own images, or into those that others share, whose texels are kept."""
-    if not kept:
-        return (yield from bake_job(context, request, pace))
-    return (yield from _into_one(context, [request], pace, kept))[0]
-
-
-def _into_one(context: bpy.types.Context, requests: Sequence[Request], pace: Pace, kept: Kept) -> Task[list[Report]]:
-    """Do all bakes into the same images."""
+def _into_one(
+    context: bpy.types.Context, requests: Sequence[Request], pace: Pace, kept: Kept, *, is_alone: bool = False
+) -> Task[list[Report]]:
+    """Do all bakes into the same images, with what is kept in them. is_alone: whether it is one bake, into its own images."""
+    if is_alone and not kept:
+        return [(yield from bake_job(context, requests[0], pace))]
     atlas = Atlas(requests[0].settings, kept)
     for number, request in enumerate(requests):
         run = Run(request.settings, pace)

@@ -51,6 +51,8 @@ class Job:
     """How far its rays reach outward and inward, in scene units; 0 for that of the settings."""
     tracing: TracingSettings | None
     """Whose method, extrusion and distance its own pair has; None for those of the settings."""
+    sizes: tuple[tuple[str, int], ...]
+    """Names of materials whose texture sets have a size of their own, and that size."""
 
     def __init__(
         self,
@@ -62,6 +64,7 @@ class Job:
         size: int = 0,
         distance: float = 0.0,
         tracing: TracingSettings | None = None,
+        sizes: Sequence[tuple[str, int]] = (),
     ):
         vars(self).update(  # a frozen class has no other way
             low_ref=ObjectRef.of(low),
@@ -71,11 +74,12 @@ class Job:
             size=size,
             distance=distance,
             tracing=tracing,
+            sizes=tuple(sizes),
         )
 
     def but(self, **own: Any) -> "Job":
         """This job with other arguments of its constructor. Raises BakeError if an object was deleted."""
-        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing")
+        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing", "sizes")
         return Job(**{name: getattr(self, name) for name in same if name not in own} | own)
 
     @property
@@ -333,14 +337,23 @@ def read_meshes(context: bpy.types.Context, request: Request) -> Meshes:
     )
 
 
-def by_material(jobs: Sequence[Job], storing: StorageSettings) -> list[Job]:
-    """A job for each texture set of each of `jobs`. Raises BakeError for names that the sets would share."""
-    split = [job.but(texture_set=one) for job in jobs for one in sets_of(job.low, is_own_base=job.low in job.highs)]
-    if len(split) > len(jobs):
+def by_material(jobs: Sequence[Job], storing: StorageSettings, *, shares: bool = False) -> list[Job]:
+    """A job for each texture set of each of `jobs`, of the size that its material has. Raises BakeError for names that the sets
+    would share. shares: whether all that have one material share its texture, of the largest size that one of them has."""
+    split = [
+        job.but(texture_set=one, size=dict(job.sizes).get(one.name, 0) or (0 if shares else job.size))
+        for job in jobs
+        for one in sets_of(job.low, is_own_base=job.low in job.highs)
+    ]
+    materials = {job.material for job in split}
+    if len(materials) > 1 if shares else len(split) > len(jobs):
         for text, what in ((storing.output, "file"), (storing.image, "image")):
-            if text and MATERIAL not in text:
+            if text and MATERIAL not in text and not (shares and naming.has_low(text)):
                 raise BakeError(f"Texture sets need {MATERIAL} in the name of the {what}: {text!r} has none.")
-    return split
+    if not shares:
+        return split
+    largest = {name: max(job.size for job in split if job.material == name) for name in materials}
+    return [job.but(size=largest[job.material]) for job in split]
 
 
 def set_numbers(low: bpy.types.Object, meshes: Meshes) -> np.ndarray | None:

@@ -28,6 +28,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatPrope
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
+from ..jobs.job import Job
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
 from .callbacks import events, registering
@@ -38,7 +39,7 @@ CHOSEN = ("method", "measure", "extrusion", "max_distance")
 """The settings that a pair has, and the scene for low objects that have no pair."""
 _OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 SIZES = (256, 512, 1024, 2048, 4096, 8192)
-"""Those that a low object can have in a bake of pairs by name."""
+"""Those that a low object can have in a bake of pairs by name, and a material in one with texture sets."""
 OF_BATCHES = {
     "Object.imprint_is_baked": labeled(
         BoolProperty,
@@ -64,8 +65,16 @@ OF_BATCHES = {
         precision=3,
         override=_OVERRIDABLE,
     ),
+    "Material.imprint_size": labeled(
+        EnumProperty,
+        "Size",
+        "Width and height of the maps of this material, where each material has its own",
+        items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
+        override=_OVERRIDABLE,
+    ),
 }
-"""Properties of a low object that bakes of pairs by name use. They are no part of its pair, which only a bake makes."""
+"""Properties of a low object and of its materials that a bake of several uses, see `with_own`. They are no part of a pair,
+which only a bake makes."""
 NOT_IN_SCENE = "{} is in no collection: bring it back with Undo, link it to one, or remove it."
 NOT_IN_FILE = "{} is not in this file: bring it back or append it, or remove it."
 """Sentences about a high object. The panel translates them."""
@@ -238,6 +247,15 @@ def _read(text: str) -> tuple[Report, ...]:
         for values in (json.loads(text) if text else ())
         if values["version"] == VERSION
     )
+
+
+def with_own(job: Job) -> Job:
+    """The job with the size and the distance that its low object has, and the sizes of materials: modifiers may set any."""
+    sizes: dict[str, int] = {}
+    for material in bpy.data.materials:
+        if material.imprint_size != "0":  # one of a library may have the same name
+            sizes[material.name] = max(int(material.imprint_size), sizes.get(material.name, 0))
+    return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance, sizes=tuple(sizes.items()))
 
 
 def of(low: bpy.types.Object | None) -> ImprintPair | None:

@@ -12,9 +12,9 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.progress import Pace, Task
 from ..jobs import atlas
-from ..jobs.job import Job, jobs_by_name
+from ..jobs.job import jobs_by_name
 from ..scene import object_checks
-from . import modal
+from . import modal, object_pairs
 from .bake_operators import BakeOperator, bake_several
 from .fix_buttons import draw_fixable
 from .modal import QuickOperator
@@ -33,7 +33,7 @@ class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         settings = context.scene.imprint
         all_jobs, problems = jobs_by_name(context, settings.suffixes())
-        jobs = [_with_own(job) for job in all_jobs if job.low.imprint_is_baked]
+        jobs = [object_pairs.with_own(job) for job in all_jobs if job.low.imprint_is_baked]
         if not jobs:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         return (yield from bake_several(context, jobs, settings.to_settings(), pace, [("", one) for one in problems]))
@@ -63,11 +63,6 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         if not lows:
             raise BakeError("No pair is checked: check those to bake in the list of pairs.")
         return atlas.pack(lows, settings.to_settings())
-
-
-def _with_own(job: Job) -> Job:
-    """The job with the size and the distance that its low object has in the list of pairs."""
-    return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance)
 
 
 class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):

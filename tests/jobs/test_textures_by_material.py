@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests one image for each material, shared by all low objects that wear it."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.jobs import Job, bake_jobs
+from tests.support import maps, scenes, zoo
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+SAME = {"method": "CAST", "width": 32, "height": 32, "margin": 2, "storage": "MEMORY", "texture_sets": True}
+
+
+def square(name, place, materials, number=0, high=True):
+    """A low square of 2 x 2 faces with UVs in `place`, (left, bottom, width, height), and a wavy high one: its job.
+
+    materials: the first half of the faces has the first, the second half the last one.
+    """
+    low = zoo.plane(f"{name}_low", 2)
+    left, bottom, width, height = place
+    scenes.move_uvs(low, (width, height), (left, bottom))
+    for material in materials:
+        low.data.materials.append(material)
+    half = len(low.data.polygons) // 2
+    for face in low.data.polygons:
+        face.material_index = 0 if face.index < half else len(materials) - 1
+    wavy = zoo.terrain(f"{name}_high", 12, height=0.1 + 0.02 * number)
+    low.location.x = wavy.location.x = 4.0 * number
+    return Job(low, [wavy])
+
+
+def grid(count, columns):
+    """Places of so many squares of a grid, a texel apart from each other on a map of 32 texels."""
+    side = 1.0 / columns
+    return [
+        (side * (number % columns) + 1 / 32, side * (number // columns) + 1 / 32, side - 2 / 32, side - 2 / 32)
+        for number in range(count)
+    ]
+
+
+def nine(material):
+    """Nine squares of one material side by side."""
+    jobs = [square(str(number), place, [material], number) for number, place in enumerate(grid(9, 3))]
+    bpy.context.view_layer.update()
+    return jobs
+
+
+def bake(jobs, settings=None, *, share_image=True, **more):
+    return bake_jobs.bake_all(bpy.context, jobs, settings or Settings(**SAME), share_image=share_image, **more)
+
+
+def test_nine_low_objects_of_a_material_have_in_its_map_what_each_has_alone():
+    jobs = nine(bpy.data.materials.new("Wood"))
+    reports = bake(jobs)
+    assert {report.image for report in reports} == {"Wood_normal"}
+    shared = maps.pixels(bpy.data.images["Wood_normal"])
+    is_own = np.zeros((32, 32), int)
+    for job in jobs:
+        bake([job], Settings(**SAME | {"margin": 0}, image="alone"), share_image=False)
+        alone = maps.pixels(bpy.data.images["alone"])
+        is_hit = alone[..., 3] > 0.0
+        is_own += is_hit
+        assert is_hit.sum() > 20
+        assert np.array_equal(shared[is_hit], alone[is_hit])
+    assert is_own.max() == 1
+
+
+def prop():
+    """14 parts that wear three materials, six of them two."""
+    wood, metal, glass = map(bpy.data.materials.new, ("Wood", "Metal", "Glass"))
+    worn = [[wood]] * 4 + [[metal]] * 3 + [[glass]] + [[wood, metal]] * 5 + [[glass, wood]]
+    jobs = [
+        square(str(number), place, own, number)
+        for number, (place, own) in enumerate(zip(grid(14, 4), worn, strict=True))
+    ]
+    bpy.context.view_layer.update()
+    return jobs
+
+
+def test_a_prop_of_14_parts_and_3_materials_has_3_images_of_each_map():
+    reports = bake(prop(), Settings(**SAME, maps=("AO", "BASE_COLOR"), connect_maps=True))
+    assert len(reports) == 20
+    wanted = {f"{name}_{of_map}" for name in ("Wood", "Metal", "Glass") for of_map in ("normal", "ao", "base_color")}
+    assert {image.name for image in bpy.data.images} == wanted
+    for name in ("Wood", "Metal", "Glass"):
+        nodes = bpy.data.materials[name].node_tree.nodes
+        shown = {node.image.name for node in nodes if node.bl_idname == "ShaderNodeTexImage"}
+        assert f"{name}_normal" in shown
+        assert all(other.startswith(name) for other in shown)
+
+
+@pytest.mark.parametrize(
+    ("image", "wanted"),
+    [
+        ("", "Wood_normal"),
+        ("T_{low}_{material}_N", "T_Wood_N"),
+        ("T_{name}_N", "T_Wood_N"),
+        ("T_{low}_x_{material}_N", "T_crate_x_Wood_N"),
+        ("T_{material}_N", "T_Wood_N"),
+        ("fixed", "fixed"),
+    ],
+)
+def test_names(image, wanted):
+    job = square("a", (0, 0, 1, 1), [bpy.data.materials.new("Wood")])
+    (report,) = bake([job], Settings(**SAME, image=image), shared_name="crate")
+    assert report.image == wanted
+
+
+def test_materials_need_names_of_their_own():
+    job = square("a", (0, 0, 1, 1), [bpy.data.materials.new("Wood"), bpy.data.materials.new("Metal")])
+    with pytest.raises(BakeError, match=r"\{material\} in the name of the image"):
+        bake([job], Settings(**SAME, image="fixed"))
+    assert not bpy.data.images
+
+
+def test_one_material_is_another_way():
+    job = square("a", (0, 0, 1, 1), [bpy.data.materials.new("Wood")])
+    with pytest.raises(BakeError, match="one material has one: choose one"):
+        bake([job], Settings(**SAME, one_material=True))
+
+
+def test_a_material_has_its_own_size():
+    """The largest of materials of one name; the others and an object's own size do not count."""
+    wood, metal = map(bpy.data.materials.new, ("Wood", "Metal"))
+    jobs = [square(str(number), place, [wood, metal], number) for number, place in enumerate(grid(2, 2))]
+    jobs = [
+        jobs[0].but(sizes=(("Wood", 64), ("Else", 16)), size=16),
+        jobs[1].but(sizes=(("Wood", 16),), size=16),
+    ]
+    sizes = {report.image: {tuple(report.size)} for report in bake(jobs)}
+    assert sizes == {"Wood_normal": {(64, 64)}, "Metal_normal": {(32, 32)}}
+    own = {report.image: tuple(report.size) for report in bake(jobs, share_image=False)}
+    assert own == {
+        "0_low_Wood_normal": (64, 64), "0_low_Metal_normal": (16, 16),
+        "1_low_Wood_normal": (16, 16), "1_low_Metal_normal": (16, 16),
+    }  # fmt: skip
+
+
+def test_only_some_are_baked():
+    """As all at once; names of the others count, and one that would fail does not matter."""
+    jobs = nine(bpy.data.materials.new("Wood"))
+    reports = bake(jobs[:3], only={jobs[1].low.session_uid})
+    assert [report.low for report in reports] == ["1_low"]
+    bake(jobs, only={job.low.session_uid for job in jobs if job is not jobs[1]})
+    apart = maps.pixels(bpy.data.images["Wood_normal"])
+    bpy.data.images.remove(bpy.data.images["Wood_normal"])
+    bake(jobs)
+    assert np.array_equal(maps.pixels(bpy.data.images["Wood_normal"]), apart)
+    jobs[0].low.data.uv_layers.remove(jobs[0].low.data.uv_layers[0])
+    assert bake([jobs[0], jobs[1]], share_image=False, only=set()) == []
+    assert [report.low for report in bake(jobs[:2], share_image=False, only={jobs[1].low.session_uid})] == ["1_low"]
+    with pytest.raises(BakeError, match="would both fill"):
+        bake(jobs[:2], Settings(**SAME, image="{material}"), share_image=False, only={jobs[1].low.session_uid})
