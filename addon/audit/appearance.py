@@ -17,6 +17,7 @@ import numpy as np
 from ..core import udim
 from ..core.map_types import Map
 from ..core.progress import Progress, Task, part
+from ..core.sentences import NOTE, rated
 from ..core.settings import Settings
 from ..engine import normal_space, separation
 from ..engine.planning import Plan
@@ -170,7 +171,7 @@ class SeenBake:
         self._plan, self._settings, self._kept = plan, settings, kept
         self._tiles: dict[int, np.ndarray] = {}
         reason = why_not(plan, settings)
-        self.warnings = [f"The shading error was not measured: {reason}."] if reason else []
+        self.warnings = rated([f"The shading error was not measured: {reason}."] if reason else [], NOTE)
 
     def add(self, tile: int, stored: Map) -> None:
         """Add a UDIM tile as it is stored, before rounding."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..core import threads
 from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space, Storage
+from ..core.sentences import LOOK, NOTE, WRONG, Sentence
 from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..engine.orienting import INWARD
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
@@ -126,22 +127,30 @@ def _box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED = "FLIPPED", "POLYGONS", "LAYER", "HARD_EDGES", "MIRRORED"
 KINDS = (FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED)
 
-FACING = "The faces of {flipped} point to the other side than those of {other}: flip its normals before the bake."
-N_GONS = (
+FACING = Sentence(
+    "The faces of {flipped} point to the other side than those of {other}: flip its normals before the bake.",
+    WRONG,
+    share=1.0,
+)
+N_GONS = Sentence(
     "{low} has {count:,} n-gons: exporters write no tangents for them, and other programs divide them into other triangles "
-    "than this bake. Triangulate it before the bake."
+    "than this bake. Triangulate it before the bake.",
+    LOOK,
 )
-QUADS = (
+QUADS = Sentence(
     "{low} has {count:,} quads that look different if another program divides them along the other diagonal. Triangulate it "
-    "before the bake."
+    "before the bake.",
+    LOOK,
 )
-OTHER_LAYER = (
+OTHER_LAYER = Sentence(
     "The map is for the UV map {layer} of {low}, but {active} is the active one: exporters write the tangents of the active "
-    "one."
+    "one.",
+    WRONG,
 )
-STACKED = (
+STACKED = Sentence(
     "{low} has {count:,} triangles that are mirrored onto others in UV space: the map shows the detail of one of the two. "
-    "Moved by a whole tile, they read the detail of the others."
+    "Moved by a whole tile, they read the detail of the others.",
+    NOTE,
 )
 SENTENCES = (FACING, N_GONS, QUADS, OTHER_LAYER, severity.HARD_EDGES, STACKED)
 """All templates of Finding."""
@@ -154,20 +163,23 @@ class Finding:
     """One of KINDS, with a sentence about it.
 
     Attributes:
-        template: One of SENTENCES.
+        template: One of SENTENCES, which says how much harm it does.
         values: To fill in.
-        harms: Whether the map is wrong in another program.
         kind: One of KINDS.
     """
 
     kind: str
-    template: str
+    template: Sentence
     values: dict[str, Any]
-    harms: bool = True
 
     @property
-    def sentence(self) -> str:
-        return self.template.format(**self.values)
+    def harms(self) -> bool:
+        """Whether the map is wrong, or may be."""
+        return self.template.harm is not NOTE
+
+    @property
+    def sentence(self) -> Sentence:
+        return self.template.filled(**self.values)
 
 
 def suspicion(low_faces: int) -> float:
@@ -220,7 +232,7 @@ def find(low: Mesh, uv_layer: str, active_layer: str, sampling: SamplingSettings
     if not sampling.udim:
         stacked = int(np.count_nonzero(mirrored_copies(low)))
         if stacked:
-            findings.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}, harms=False))
+            findings.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}))
     return [finding for finding in findings if finding is not None]
 
 

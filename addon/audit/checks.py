@@ -3,14 +3,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..core import udim
 from ..core.declarations.choices import Method, Space
 from ..core.errors import Fix, Length, shorten_list
 from ..core.map_types import WRITTEN
+from ..core.sentences import LOOK, WRONG, Sentence
 from ..core.settings import MapSettings, SamplingSettings, Settings, TracingSettings
 from ..engine import coverage, ray_casting, separation, uv_agreement
 from ..engine.planning import Plan
@@ -19,10 +19,11 @@ from ..engine.unsure_texels import REASONS, Explorer
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from . import mip_gaps, severity, stacked_checks
+from . import mip_gaps, severity, stacked_checks, uv_checks
 from .appearance import Appearance
-from .severity import Check, Warned
+from .severity import Check
 from .tally import Tally
+from .uv_checks import count_of, share_of
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
@@ -45,7 +46,7 @@ class Findings:
     missed: float
     checks: Checks
     """The results of the checks by their names."""
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Sentence, ...]
     """About the maps, by what they are about."""
     stopped_early: float = 0.0
     """The share of the texels that took fewer samples."""
@@ -108,21 +109,19 @@ def audit(
             *_crossed_warnings(plan, checks, settings),
             *stacked_checks.warnings(low, stacked),
             *(
-                Warned(severity.warning(kind, check, low.name, with_method, length), kind)
+                severity.warning(kind, check, low.name, with_method, length)
                 for kind, check in checks.items()
-                if check["severity"] == severity.WRONG
+                if check["severity"] == WRONG
             ),
         ),
     )
 
 
-def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings) -> Iterator[Warned]:
+def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings) -> Iterator[Sentence]:
     low = meshes.low.name
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
-        yield Warned(
-            f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them.",
-            severity.TURNED,
-        )
+        text = f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them."
+        yield Sentence(text, WRONG, severity.TURNED, 1.0)
     # A mesh that is baked onto itself has its own normals, and maps of other kinds.
     is_itself = meshes.is_own_base and bool(map_settings.drawn_maps)
     if map_settings.normal and tally.compared and not tally.leaning and not is_itself:
@@ -132,26 +131,18 @@ def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings)
             text = (
                 f"The map is flat: neither modifiers nor materials of {low!r} change its normals. Choose a high object."
             )
-        yield Warned(text, severity.FLAT)
+        yield Sentence(text, LOOK, severity.FLAT, 1.0)
 
 
-def uv_space(sampling: SamplingSettings) -> tuple[int, int]:
-    """The number of tiles along u and v on which UVs are inside."""
-    return (udim.COLUMNS, udim.ROWS) if sampling.udim else (1, 1)
-
-
-def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[Warned]]:
-    low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_space(sampling)
-    areas, outside = uv_layout.areas(low), uv_layout.outside(low, space)
+def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[Sentence]]:
+    low, highs, space = plan.meshes.low, plan.meshes.listed_highs, uv_checks.space(sampling)
+    areas = uv_layout.areas(low)
     is_mirrored, count = areas < 0.0, len(low.triangles)
-    # With UDIM, triangles that were moved by whole tiles are on a tile of their own and do not repeat another one.
-    moved = uv_islands.moved_copies(low) if outside.any() and not sampling.udim else np.zeros(1, bool)
     islands = uv_islands.count_islands(low, is_mirrored) if is_mirrored.any() else 0
     checks = {
-        "mirrored": _count(is_mirrored, count) | {"islands": islands},
-        "outside": _count(outside, count)
-        | {"moved": int(np.count_nonzero(moved)), "cut_off": uv_layout.cut_off(low, outside & ~moved, space)},
-        "no_area": _count(areas == 0.0, count),
+        "mirrored": count_of(is_mirrored, count) | {"islands": islands},
+        "outside": uv_checks.outside(low, sampling),
+        "no_area": count_of(areas == 0.0, count),
     }
     if plan.meshes.is_own_base and all(len(high.triangles) == len(low.triangles) for high in highs):
         highs = []  # the same triangles, which are told once
@@ -159,25 +150,23 @@ def _uv_layout(plan: Plan, sampling: SamplingSettings) -> tuple[Checks, list[War
         count
         for mesh in (low, *highs)
         for count in (
-            (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", severity.NOT_FINITE),
-            (mesh, mesh.without_normals, "have normals without a length: they are shaded smooth", ""),
+            (mesh, mesh.not_finite, "are left out: their coordinates are NaN or infinite", WRONG, severity.NOT_FINITE),
+            (mesh, mesh.without_normals, "have normals without a length: they are shaded smooth", LOOK, ""),
         )
     ]
     if not plan.casts_rays:
         for high in highs:
             no_area = int(np.count_nonzero(uv_layout.areas(high) == 0.0))
-            counts.append((high, no_area, "have no area in UV space and cannot be drawn", ""))
+            counts.append((high, no_area, "have no area in UV space and cannot be drawn", LOOK, ""))
             # Triangles outside by whole tiles leave texels uncovered, or were moved there on purpose.
             outside = uv_layout.outside(high, space)
             crossing = outside & uv_islands.crossing(high) if outside.any() else outside
             if uv_layout.cut_off(high, crossing, space) > severity.MUCH_CUT_OFF:
-                where = severity.TILES if sampling.udim else severity.TILE
-                counts.append(
-                    (high, int(np.count_nonzero(crossing)), f"reach outside the {where} and are cut off there", "")
-                )
+                where = f"reach outside the {severity.TILES if sampling.udim else severity.TILE} and are cut off there"
+                counts.append((high, int(np.count_nonzero(crossing)), where, WRONG, ""))
     return checks, [
-        Warned(f"{mesh.name!r}: {count:,} of its triangles {problem}.", kind)
-        for mesh, count, problem, kind in counts
+        Sentence(f"{mesh.name!r}: {count:,} of its triangles {problem}.", harm, kind)
+        for mesh, count, problem, harm, kind in counts
         if count
     ]
 
@@ -190,30 +179,13 @@ def _texels(plan: Plan, tally: Tally, sampling: SamplingSettings) -> Checks:
         shared += int(np.count_nonzero(counts > 1))
         if not plan.casts_rays:
             uncovered += int(np.count_nonzero((counts > 0) & (state != WRITTEN)))
-    overlap_check = _overlap(low, size, tiles, covered, shared)
-    missed = _share(tally.missed, tally.missed + tally.written)
+    overlap_check = uv_checks.overlap_of(low, size, tiles, covered, shared)
+    missed = share_of(tally.missed, tally.missed + tally.written)
     return {
         "overlap": overlap_check,
-        "uncovered": missed if plan.casts_rays else _share(uncovered, covered),
+        "uncovered": missed if plan.casts_rays else share_of(uncovered, covered),
         "gaps": _gaps(low, tiles, sampling, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
     }
-
-
-def overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Check:
-    """The texels of a map that belong to two or more triangles of `low`, as in Report.checks without the severity."""
-    covered = shared = 0
-    for counts in coverage.counts(low, size, tiles):
-        covered += int(np.count_nonzero(counts))
-        shared += int(np.count_nonzero(counts > 1))
-    return _overlap(low, size, tiles, covered, shared)
-
-
-def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: int, shared: int) -> Check:
-    crossed = shared
-    if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
-        unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
-        crossed = sum(int(np.count_nonzero(counts > 1)) for counts in coverage.counts(unique, size, tiles))
-    return _share(shared, covered) | {"stacked": shared - crossed}
 
 
 def _gaps(low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, *, overlaps: bool) -> Check:
@@ -222,7 +194,7 @@ def _gaps(low: Mesh, tiles: Sequence[int], sampling: SamplingSettings, *, overla
         covered += int(np.count_nonzero(gaps.covered))
         close += int(np.count_nonzero(gaps.close | gaps.border))
         border += int(np.count_nonzero(gaps.border))
-    return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(sampling)}
+    return share_of(close, covered) | {"border": border, "needed": mip_gaps.needed(sampling)}
 
 
 @dataclass(frozen=True)
@@ -254,7 +226,7 @@ def _distances(plan: Plan, settings: Settings, distances: np.ndarray | None) -> 
     maximum, percentile_99 = (
         (float(distances.max()), float(np.quantile(distances, 0.99))) if distances.size else (0.0, 0.0)
     )
-    check = _share(int(np.count_nonzero(distances > limit)), distances.size) | {
+    check = share_of(int(np.count_nonzero(distances > limit)), distances.size) | {
         "maximum": maximum,
         "percentile_99": percentile_99,
         "limit": limit,
@@ -265,7 +237,7 @@ def _distances(plan: Plan, settings: Settings, distances: np.ndarray | None) -> 
 
 def _placement_warnings(
     plan: Plan, checks: Checks, tracing: TracingSettings, placement: _Placement, length: Length
-) -> Iterator[Warned]:
+) -> Iterator[Sentence]:
     """Why the surfaces do not meet."""
     meshes, missed, unsure = plan.meshes, checks["uncovered"], checks["unsure"]
     low, highs = repr(meshes.low.name), shorten_list(repr(high.name) for high in meshes.listed_highs)
@@ -276,16 +248,19 @@ def _placement_warnings(
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, placement.offset)
         if differing:
-            yield Warned(Fix.AUTO.after(f"{differing[:1].upper()}{differing[1:]}."), severity.LAYOUTS)
+            text = Fix.AUTO.after(f"{differing[:1].upper()}{differing[1:]}.")
+            yield Sentence(text, WRONG, severity.LAYOUTS, 1.0)
             return
-    is_missed = plan.casts_rays and missed["severity"] == severity.WRONG
-    are_backs = unsure["severity"] == severity.WRONG and unsure["backs"] > 0.5 * unsure["count"]
+    is_missed = plan.casts_rays and missed["severity"] == WRONG
+    are_backs = unsure["severity"] == WRONG and unsure["backs"] > 0.5 * unsure["count"]
     if meshes.cage is not None and (is_missed or are_backs):
         share = missed["share"] + unsure["backs"] / max(1, unsure["of"])
-        yield Warned(
+        yield Sentence(
             f"{min(1.0, share):.2%} of the rays from the cage {meshes.cage.name!r} hit nothing, or only backs of faces: it is "
             f"below the surface of {highs} there. Move it outward until it encloses {highs}.",
+            WRONG,
             severity.CAGE,
+            share,
         )
     if not plan.casts_rays:
         return  # what UVs put together may have any place and size
@@ -299,10 +274,10 @@ def _placement_warnings(
     else:
         return
     advice = "Put them in the same place, or set an extrusion from which rays start outside of them."
-    yield Warned(f"{highs} and {low} differ in place or size: {what}. {advice}", severity.ELSEWHERE)
+    yield Sentence(f"{highs} and {low} differ in place or size: {what}. {advice}", WRONG, severity.ELSEWHERE, 1.0)
 
 
-def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Warned]:
+def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[Sentence]:
     # In object and world space, overlaps are wrong in any order.
     if plan.method != Method.FLATTEN or plan.has_rays or settings.map.space != Space.TANGENT:
         return
@@ -316,14 +291,14 @@ def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterato
                 f"Parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of one part, "
                 "and the tangents those of another."
             )
-            yield Warned(Fix.CAST.after(text), severity.CROSSED)
+            yield Sentence(Fix.CAST.after(text), WRONG, severity.CROSSED, share)
 
 
 def _faces(meshes: Meshes) -> Checks:
     polygons, uneven = face_shapes.non_triangles(meshes.low), face_shapes.non_planar(meshes.low)
     return {
-        "polygons": _count(polygons, len(polygons)),
-        "uneven": _count(uneven, len(uneven)) | {"is_own_base": meshes.is_own_base},
+        "polygons": count_of(polygons, len(polygons)),
+        "uneven": count_of(uneven, len(uneven)) | {"is_own_base": meshes.is_own_base},
     }
 
 
@@ -331,17 +306,9 @@ def _normals(meshes: Meshes, tally: Tally) -> Checks:
     low = meshes.low
     return {
         "hard_edges": {"count": len(uv_seams.hard_edges(low))},
-        "behind": _count(face_shapes.normals_behind(low), len(low.triangles)),
-        "backwards": _share(tally.backwards, tally.written),
+        "behind": count_of(face_shapes.normals_behind(low), len(low.triangles)),
+        "backwards": share_of(tally.backwards, tally.written),
     }
-
-
-def _share(count: int, of: int) -> dict[str, float]:
-    return {"count": count, "of": of, "share": count / max(1, of)}
-
-
-def _count(is_counted: np.ndarray, of: int) -> dict[str, float]:
-    return {"count": int(np.count_nonzero(is_counted)), "of": of}
 
 
 UNSURE_SIDE = 128

@@ -10,6 +10,7 @@ import numpy as np
 from ..core.declarations import bases, targets
 from ..core.declarations.choices import Space
 from ..core.map_types import WRITTEN, Map
+from ..core.sentences import LOOK, Sentence
 from ..core.settings import Settings
 from ..engine import bands, normal_space, uv_agreement
 from ..engine.baking import Drawing
@@ -20,6 +21,7 @@ from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
+from . import severity
 from .pictures import BakePictures
 
 
@@ -240,15 +242,14 @@ class OtherEngines:
         }
 
 
-def engine_warnings(results: dict[str, dict[str, float | int]]) -> list[str]:
+def engine_warnings(results: dict[str, dict[str, float | int]]) -> list[Sentence]:
     """A sentence for the programs that show texels wrong because they make z of x and y."""
     wrong = {targets.BY_NAME[name].label: result["rebuilt"] for name, result in results.items() if result["rebuilt"]}
     if not wrong:
         return []
     count = max(wrong.values())
-    return [
-        f"{', '.join(wrong)}: z is made of x and y there, and {count:,} texels with a z of 0 or less come out wrong."
-    ]
+    text = f"{', '.join(wrong)}: z is made of x and y there, and {count:,} texels with a z of 0 or less come out wrong."
+    return [Sentence(text, LOOK, severity.REBUILT)]
 
 
 DROPPED = 11

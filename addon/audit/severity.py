@@ -2,16 +2,16 @@
 """Rates the results of the audit as good, worth a look, or harmful, and decides which warnings a bake gives."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from ..core.declarations.choices import Hit, Method, Space
 from ..core.errors import Fix, Length, plain_length
 from ..core.map_types import BY_NAME, Kind
+from ..core.sentences import LOOK, NOTE, WRONG, Sentence, by_harm
 from ..core.settings import Settings
 
-GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
+GOOD = "GOOD"
 
 MUCH_OVERLAP = 1e-3
 """Share of texels that triangles may share without harm: decimation leaves a few slivers."""
@@ -59,9 +59,9 @@ def _has_directions(settings: Settings) -> bool:
     return settings.map.normal or any(each.kind is Kind.NORMAL or each.is_vector for each in types)
 
 
-def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = plain_length) -> str:
-    """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG. length: a length in
-    scene units as text."""
+def warning(kind: str, check: Check, low: str, settings: Settings, length: Length = plain_length) -> Sentence:
+    """The warning about the map of the object `low`. check: one that `rate` finds WRONG. length: a length in scene units as
+    text."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
     values |= {
         "where": TILES if settings.sampling.udim else TILE,
@@ -83,7 +83,10 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
         sentence = _COVERED
     elif kind == "unsure" and check["beyond"] > 0.5 * check["count"]:
         sentence = _BEYOND
-    return sentence.format(low=repr(low), **values)
+    if kind == "outside" and check.get("fits_udim"):
+        sentence = Fix.UDIM.after(sentence)
+    share = check["cut_off"] if kind == "outside" else min(1.0, values["share"])
+    return sentence.but(sentence.format(low=repr(low), **values), kind=kind, share=share)
 
 
 def _overlap(check: Check, settings: Settings) -> bool:
@@ -122,52 +125,86 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
 }
 """When a kind is harmful. Mirrored UVs and faces that are not triangles never are, unless another program reads the map."""
 
-_MISSED = (
-    "{share:.2%} of the rays from {low} hit nothing: the high mesh has no surface there, and those texels have alpha 0."
+_MISSED = Sentence(
+    "{share:.2%} of the rays from {low} hit nothing: the high mesh has no surface there, and those texels have alpha 0.",
+    WRONG,
 )
 _OUT_OF_REACH = Fix.MEASURE.after(
-    "{share:.2%} of the rays from {low} hit nothing within the extrusion and the maximum distance that were set: those texels "
-    "have alpha 0."
+    Sentence(
+        "{share:.2%} of the rays from {low} hit nothing within the extrusion and the maximum distance that were set: those "
+        "texels have alpha 0.",
+        WRONG,
+    )
 )
-_NOT_CAST = (
+_NOT_CAST = Sentence(
     "{share:.2%} of the texels of {low} have no high triangle and stay empty. Auto casts rays there if high and low are two "
-    "objects in the same place."
+    "objects in the same place.",
+    WRONG,
 )
 _OTHER_LAYER = Fix.OWN_HIT.after(
-    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none."
+    Sentence(
+        "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none.",
+        WRONG,
+    )
 )
-_BACKS = (
+_BACKS = Sentence(
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
-    "of the high mesh."
+    "of the high mesh.",
+    WRONG,
 )
-_COVERED = (
+# Bricks before a plane, a lid on a pot: no measure tells that the surface which was chosen is the wrong one.
+_COVERED = Sentence(
     "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the outer one. With the hit "
-    "nearest it has the inner one."
+    "nearest it has the inner one.",
+    NOTE,
 )
-_BEYOND = (
+_BEYOND = Sentence(
     "{share:.2%} of the texels of {low} can show two surfaces of the high mesh: the map has the inner one. Increase the "
-    "extrusion to have the outer one."
+    "extrusion to have the outer one.",
+    NOTE,
 )
-HARD_EDGES = (
+HARD_EDGES = Sentence(
     "{low} has {count:,} hard edges without a UV seam. Each shows as a line in tangent space: mark seams and unwrap there, or "
-    "shade them smooth."
+    "shade them smooth.",
+    WRONG,
 )
+OVERLAP = Sentence(
+    "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the detail of only "
+    "one of them.",
+    WRONG,
+)
+OUTSIDE = Sentence("{low}: {count:,} of its triangles reach outside the {where} and are cut off there.", WRONG)
 _SENTENCES = {
-    "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
-    "detail of only one of them.",
-    "uncovered": Fix.CAST.after("{share:.2%} of the texels of {low} have no high triangle and stay empty."),
-    "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit}, at most {maximum}.",
-    "unsure": "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move "
-    "{low} closer to the right layer there, or paint an offset group.",
-    "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "
-    "mip level {level} mixes them. Pack the islands with a larger margin.",
-    "backwards": "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: engines that rebuild z from x and y "
-    "show a wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
-    "outside": "{low}: {count:,} of its triangles reach outside the {where} and are cut off there.",
-    "no_area": "{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.",
+    "overlap": OVERLAP,
+    "uncovered": Fix.CAST.after(
+        Sentence("{share:.2%} of the texels of {low} have no high triangle and stay empty.", WRONG)
+    ),
+    "far": Sentence(
+        "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit}, at most {maximum}.", LOOK
+    ),
+    "unsure": Sentence(
+        "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move {low} "
+        "closer to the right layer there, or paint an offset group.",
+        LOOK,
+    ),
+    "gaps": Sentence(
+        "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: mip "
+        "level {level} mixes them. Pack the islands with a larger margin.",
+        LOOK,
+    ),
+    "backwards": Sentence(
+        "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: engines that rebuild z from x and y show a "
+        "wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
+        LOOK,
+    ),
+    "outside": OUTSIDE,
+    "no_area": Sentence("{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.", LOOK),
     "hard_edges": HARD_EDGES,
-    "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, and no tangent-space map is "
-    "right there: fix the normals, or add edges.",
+    "behind": Sentence(
+        "{low}: {count:,} of its triangles have shading normals that point behind them, and no tangent-space map is right "
+        "there: fix the normals, or add edges.",
+        WRONG,
+    ),
 }
 
 
@@ -208,21 +245,8 @@ _HIDES: Mapping[str, frozenset[str]] = MappingProxyType(
 """The kinds that follow from each kind."""
 
 
-@dataclass(frozen=True)
-class Warned:
-    """A warning, as a sentence.
-
-    Attributes:
-        kind: Of Report.checks, or one of this module; empty for one that stands for itself.
-        text: The sentence.
-    """
-
-    text: str
-    kind: str = ""
-
-
-def remaining(warnings: Iterable[Warned]) -> list[str]:
-    """The sentences of what does not follow from another warning, each of them once."""
+def remaining(warnings: Iterable[Sentence]) -> list[Sentence]:
+    """What does not follow from another warning, each of them once, the worst first."""
     warnings = list(warnings)
     hidden = frozenset().union(*(_HIDES.get(each.kind, frozenset()) for each in warnings))
-    return list(dict.fromkeys(each.text for each in warnings if each.kind not in hidden))
+    return by_harm(each for each in warnings if each.kind not in hidden)

@@ -10,6 +10,7 @@ from ..core.declarations.choices import Space
 from ..core.errors import UNWRAPS, Fix, shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.material_feeds import HighMaterial
+from ..core.sentences import LOOK, WRONG, Sentence
 from ..core.settings import MapSettings, Settings
 from ..engine.baking import Drawing
 from ..engine.bands import Band
@@ -18,7 +19,7 @@ from ..engine.stacked_uvs import StackedParts
 from ..mesh.triangle_mesh import Mesh
 from ..passes import cast, target
 from . import severity
-from .severity import MUCH_OVERLAP, Check, Warned
+from .severity import MUCH_OVERLAP, Check
 
 STACKED_SIDE = 256
 """Texels a side, at most, on which parts are compared."""
@@ -55,7 +56,7 @@ def check_stacked(
     }
 
 
-def warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
+def warnings(low: Mesh, stacked: Check) -> Iterator[Sentence]:
     """What is wrong with parts of `low` that share texels. stacked: of `check_stacked`."""
     are_others = stacked["under_others"] > 0.5 * stacked["hidden"]
     if stacked["other_material"] > MUCH_OVERLAP:
@@ -63,18 +64,21 @@ def warnings(low: Mesh, stacked: Check) -> Iterator[Warned]:
             f"{stacked['other_material']:.1%} of the texels of {low.name!r} belong to faces of different materials "
             f"({shorten_list(map(repr, stacked['materials']))}), and the maps show one of them: {UNWRAPS}."
         )
-        yield Warned(Fix.TEXTURE_SETS.after(text) if are_others else text, severity.MATERIALS)
+        text = Fix.TEXTURE_SETS.after(text) if are_others else text
+        yield Sentence(text, WRONG, severity.MATERIALS, stacked["other_material"])
     elif stacked["differing"] <= severity.MANY_DIFFERENT:
         return
     elif are_others:
         text = f"Materials of {low.name!r} share UVs, and its map has the detail of one of them."
-        yield Warned(Fix.TEXTURE_SETS.after(text), severity.MATERIALS)
+        yield Sentence(Fix.TEXTURE_SETS.after(text), WRONG, severity.MATERIALS, stacked["differing"])
     else:
-        yield Warned(
+        yield Sentence(
             f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
             f"{stacked['differing']:.1%} of their texels it is more than {DIFFERENT:.0f} degrees from their own. "
             "Give these parts UVs of their own.",
+            LOOK,
             severity.OTHER_DETAIL,
+            stacked["differing"],
         )
 
 

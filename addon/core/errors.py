@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any
 
 from .declarations.choices import Hit, Method
+from .sentences import Sentence
 
 
 class BakeError(Exception):
@@ -76,6 +77,7 @@ class Fix(Enum):
     TEXTURE_SETS = "--texture-sets bakes an image for each", "texture_sets", True
     MISS_MASK = "--mask shows them", "mask", True
     REST_POSE = "--rest-pose bakes them without that", "rest_pose", True
+    UDIM = "--udim bakes a map for each tile", "udim", True
 
     def __init__(self, in_shell: str, setting: str, value: Any):
         """Describe a fix.
@@ -87,9 +89,9 @@ class Fix(Enum):
         """
         self.in_shell, self.setting, self.new_value = in_shell, setting, value
 
-    def after(self, cause: str) -> str:
+    def after(self, cause: str) -> Sentence:
         """The sentence `cause`, which goes on with what fixes it in a shell."""
-        return f"{cause.removesuffix('.')}; {self.in_shell}."
+        return Sentence.of(cause).but(f"{cause.removesuffix('.')}; {self.in_shell}.")
 
 
 UNWRAPS = "Unwrap gives each face a place of its own"

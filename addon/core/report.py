@@ -15,6 +15,7 @@ from .errors import Length, plain_length, shorten_list
 from .map_types import BY_NAME, Kind
 from .parts_turned import PartTurned
 from .progress import STAGES, Timings
+from .sentences import Sentence, by_harm
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
@@ -181,12 +182,23 @@ class Report:
     (loading Imprint), gpu (starting it), opening (the files) and shaders (compiling them, which is part of draw as well). Empty
     in a bake from the window, and in all but the first report of pairs and frames."""
     warnings: list[str] = _of("all_warnings", default_factory=list)
-    """Sentences."""
+    """Sentences, the worst first."""
+    ratings: dict[str, list[str]] = field(default_factory=dict)
+    """Of each warning, how much harm it tells of ("WRONG": the bake is wrong; "LOOK": it may be; "NOTE": it is not), and the
+    check or the kind that it is about, or an empty string."""
     picture: Any = _of("findings.picture", default=None, compare=False)
     """An array of the map, the low mesh with it, and its deviations, (rows, columns, 3) uint8, row 0 on top. None unless it was
     asked for, and in a report from a file."""
     version: int = VERSION
     """Of these keys, now 1. It goes up if a key goes or changes its meaning. New keys do not change it."""
+
+    def __post_init__(self):
+        warnings = [
+            each if isinstance(each, Sentence) else Sentence(each, *self.ratings.get(each, ()))
+            for each in self.warnings
+        ]
+        object.__setattr__(self, "warnings", warnings)
+        object.__setattr__(self, "ratings", {str(each): [str(each.harm), each.kind] for each in warnings})
 
     @classmethod
     def of(cls, baked: Any) -> "Report":
@@ -212,7 +224,7 @@ class Report:
 
     def with_warnings(self, warnings: Iterable[str]) -> "Report":
         """The same report with more warnings."""
-        return replace(self, warnings=[*self.warnings, *warnings])
+        return replace(self, warnings=by_harm([*self.warnings, *warnings]))
 
     def with_export(self, export: dict[str, Any]) -> "Report":
         """The same report with a file for an engine."""

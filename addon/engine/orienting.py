@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.progress import Timings
 from ..core.recent import Recent
+from ..core.sentences import WRONG, Sentence
 from ..mesh import corner_normals
 from ..mesh import orientation as surfaces
 from ..mesh.inputs import Meshes
@@ -114,10 +115,11 @@ def notes(meshes: Meshes, told: Mended | None) -> list[str]:
         )
     names = [repr(high.name) for high in meshes.highs]
     if told.low_is_inside_out:
-        notes.append(
+        text = (
             f"{meshes.low.name!r} is inside out, and the high mesh is not: the map will be wrong. Recalculate its normals, or "
             "enlarge it if it was shrunk through itself."
         )
+        notes.append(Sentence(text, WRONG, share=1.0))
     if told.undecided_share > MUCH:
         parts = [f"{count:,} of {name}" for count, name in zip(told.undecided, names, strict=True) if count]
         notes.append(

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..audit import severity
 from ..audit.measures import Measures, measuring
-from ..audit.severity import Warned
 from ..core import progress
 from ..core.declarations.choices import Method
 from ..core.errors import Fix, NothingDrawn
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
+from ..core.sentences import WRONG, Sentence, by_harm, rated
 from ..core.settings import Run, Settings
 from ..engine import baking, gpu_memory, mip_levels, orienting
 from ..engine.baking import READY, shares_of_tiles
@@ -68,7 +68,7 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     return baked.stored_as(stored, [*stored.warnings, *notes])
 
 
-def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[Measures, list[Warned]]]:
+def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[Measures, list[Sentence]]]:
     """Read and plan, up to what is drawn and measured. Also returns the warnings about the objects."""
     job, wants, settings, timings = request.job, request.wants, run.settings, run.timings
     name = job.low.name
@@ -83,8 +83,8 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tup
         if wants.for_others:
             others = pair_checks.mesh_findings(meshes.low, job.low, meshes.uv_layer, settings.sampling)
             findings += pair_checks.unsolved_by_export(others, is_exported=wants.exported)
-        early = [*map(Warned, pair_checks.pose_notes(context, job, settings)), *pair_checks.finding_warnings(findings)]
-    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(each.text for each in early))
+        early = by_harm([*pair_checks.pose_notes(context, job, settings), *pair_checks.finding_warnings(findings)])
+    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(early))
     drawing = yield from part(baking.draw(plan, run), 0.5, 1.0)
     making = measuring(
         drawing,
@@ -96,13 +96,12 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tup
     )
     measures = yield from part(making, 1.0, 1.0)
     hints = wants.hints if plan.method == Method.CAST else ()
-    warnings = [*map(Warned, notes), *early, *map(Warned, measures.others.warnings)]
-    warnings += [Warned(text, severity.UNFIT) for text in hints]
-    return measures, [*warnings, *map(Warned, measures.seen.warnings if measures.seen else ())]
+    warnings = [*notes, *early, *measures.others.warnings, *rated(hints, WRONG, severity.UNFIT)]
+    return measures, list(map(Sentence.of, [*warnings, *(measures.seen.warnings if measures.seen else ())]))
 
 
 def _checked(
-    context: bpy.types.Context, request: Request, measures: Measures, warnings: Sequence[Warned]
+    context: bpy.types.Context, request: Request, measures: Measures, warnings: Sequence[Sentence]
 ) -> Task[Baked]:
     """Check what was drawn. Raises BakeError if no texel was written."""
     plan, tally, drawing = measures.plan, measures.tally, measures.drawing

@@ -20,6 +20,7 @@ from ..core.map_types import BY_NAME, MARGIN, MISSED, NORMAL, Labeled, Map
 from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
+from ..core.sentences import WRONG, Sentence
 from ..core.settings import Run, Settings, TracingSettings
 from ..engine import coverage, gpu_memory, margins, mip_levels
 from ..engine.baking import texels_of
@@ -176,10 +177,11 @@ class Atlas:
                 "the image, or give them UV maps side by side and bake all of them together."
             )
         if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
-            self._warnings[0].append(
+            text = (
                 f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
                 "apart, or bake a map for each with {low} in the name."
             )
+            self._warnings[0].append(Sentence(text, WRONG))
         return is_covered
 
     def _lay_over(self, tile: int, above: dict[str, np.ndarray]) -> None:
@@ -193,10 +195,11 @@ class Atlas:
             same = [repr(other.name) for other in before if other.data == low.data]
             whose = f"{shorten_list(same)}, which have the same mesh" if same else "other objects in the same image"
             apart = "make it a single user and pack the UV maps" if same else "move their UVs apart"
-            self._warnings[-1].append(
+            text = (
                 f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with {{low}} in "
                 "the name."
             )
+            self._warnings[-1].append(Sentence(text, WRONG))
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():
             np.copyto(below[name], values, where=wins[..., None])

@@ -8,18 +8,18 @@ import gpu
 
 from ..audit import deviations, severity
 from ..audit.checks import Findings
-from ..audit.severity import Warned
 from ..core import map_types
 from ..core.errors import Fix, shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.progress import Timings
+from ..core.sentences import WRONG, Sentence
 from ..core.settings import MapSettings, Settings
 from ..engine import ray_maps, rounded_edges
 from ..engine.planning import Plan
 from ..mesh import cutouts, triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
-from ..output.outputs import HIDDEN_MISSES, Stored
+from ..output.outputs import Stored
 from ..passes import surface_tables
 from . import material_inputs
 from .job import Request
@@ -33,7 +33,7 @@ class Baked:
     plan: Plan
     findings: Findings
     timings: Timings
-    warnings: Sequence[Warned] = ()
+    warnings: Sequence[Sentence] = ()
     """About the objects."""
     stored: Stored | None = None
     """None until the maps are stored."""
@@ -107,8 +107,8 @@ class Baked:
         return gpu.platform.renderer_get()
 
     @property
-    def all_warnings(self) -> list[str]:
-        """Sentences, without those that others explain."""
+    def all_warnings(self) -> list[Sentence]:
+        """The sentences that no other explains, the worst first."""
         meshes, map_settings = self.meshes, self.settings.map
         sentences = [
             *material_inputs.notes(meshes, map_settings),
@@ -121,10 +121,10 @@ class Baked:
         return severity.remaining(
             (
                 *self.warnings,
-                *map(Warned, sentences),
+                *map(Sentence.of, sentences),
                 *self.findings.warnings,
-                *(Warned(text, severity.REBUILT) for text in deviations.engine_warnings(self.findings.targets)),
-                *(Warned(text, severity.HIDDEN_MISSES if text == HIDDEN_MISSES else "") for text in self.notes),
+                *deviations.engine_warnings(self.findings.targets),
+                *map(Sentence.of, self.notes),
             )
         )
 
@@ -149,7 +149,8 @@ def attribute_notes(meshes: Meshes, map_settings: MapSettings) -> list[str]:
         ]
     if lacking and map_types.ATTRIBUTE.name in map_settings.drawn_maps:
         wanted = _attribute(map_settings.attribute)
-        notes.append(f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}.")
+        text = f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}."
+        notes.append(Sentence(text, WRONG))
     return notes
 
 

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from .. import older_blender
-from ..audit import checks, severity
+from ..audit import severity, uv_checks
 from ..core import naming, progress, stored_normals
 from ..core.declarations import bases
 from ..core.declarations.choices import Method, Space, Storage, VertexDomain
@@ -128,7 +128,7 @@ def overlapping(low: Mesh, before: StoredNormals, settings: Settings, tiles: Seq
         return
     # Stacked parts share a tangent-space map. In the other spaces, each part has normals of its own.
     (space,) = spaces - {Space.TANGENT} or {Space.TANGENT}
-    overlap = checks.overlap(low, settings.sampling.size, tiles)
+    overlap = uv_checks.overlap(low, settings.sampling.size, tiles)
     if severity.rate("overlap", overlap, settings.mapped(space=space)) == severity.WRONG:
         yield (
             f"{overlap['share']:.2%} of the texels of {low.name!r} belong to two or more of its triangles (overlapping UVs): "

@@ -9,7 +9,6 @@ import gpu
 import numpy as np
 
 from ..audit.checks import audit
-from ..audit.severity import Warned
 from ..audit.stacked_checks import check_stacked
 from ..audit.tally import Tally
 from ..core import progress, udim
@@ -18,6 +17,7 @@ from ..core.errors import BakeError, Length
 from ..core.map_types import BY_NAME, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, Timings, part
 from ..core.report import Report
+from ..core.sentences import Sentence
 from ..core.settings import Run, Settings
 from ..engine import baking, live_redraw, margins, orienting, sampling
 from ..engine.baking import READY, Drawing
@@ -422,11 +422,11 @@ class Session:
         baked = Baked(request, drawing.plan, findings, timings, warnings, stored, stored.warnings)
         return Report.of(baked)
 
-    def _warnings(self) -> list[Warned]:
+    def _warnings(self) -> list[Sentence]:
         """Those about the objects, as a bake has them."""
         read = self.plan.read
         texts = [*self.differences, *read.lacks, *object_checks.warnings(self.job.low, self.job.highs)]
-        return [Warned(text) for text in (*texts, *orienting.notes(read, self.plan.told))]
+        return list(map(Sentence.of, (*texts, *orienting.notes(read, self.plan.told))))
 
     @property
     def _labels(self) -> dict[Labeled, list[str]]:

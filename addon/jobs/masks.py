@@ -9,8 +9,7 @@ from functools import cached_property, partial
 import bpy
 import numpy as np
 
-from ..audit import mip_gaps
-from ..audit.checks import uv_space
+from ..audit import mip_gaps, uv_checks
 from ..core import progress
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
@@ -142,7 +141,7 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     """Which triangles of the low mesh, (T,) bool, have issues of this kind."""
     low = view.meshes.low
     if kind == "outside":
-        outside = uv_layout.outside(low, uv_space(view.settings.sampling))
+        outside = uv_layout.outside(low, uv_checks.space(view.settings.sampling))
         harmful = outside if view.settings.sampling.udim else outside & ~uv_islands.moved_copies(low)
         return harmful if harmful.any() else outside
     if kind == "behind":

@@ -10,13 +10,13 @@ from mathutils.bvhtree import BVHTree
 
 from ..audit import before_bake, severity
 from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, POLYGONS, Faces, Finding
-from ..audit.severity import Warned
 from ..core.declarations.choices import ExactMaterials, Modifiers
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME
 from ..core.material_feeds import ExactFeed, HighMaterial
 from ..core.progress import Timings
 from ..core.report import evaluated
+from ..core.sentences import Sentence
 from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..engine import gpu_memory, high_look, own_hits
 from ..engine.high_look import HighLook
@@ -272,7 +272,7 @@ def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
     return Faces(transformed(centers, matrix), normals @ turned.T)
 
 
-def finding_warnings(findings: Sequence[Finding]) -> list[Warned]:
+def finding_warnings(findings: Sequence[Finding]) -> list[Sentence]:
     """The warnings about what harms."""
     kinds = {FLIPPED: severity.FLIPPED, HARD_EDGES: "hard_edges"}
-    return [Warned(each.sentence, kinds.get(each.kind, "")) for each in findings if each.harms]
+    return [each.sentence.but(each.sentence, kind=kinds.get(each.kind, "")) for each in findings if each.harms]

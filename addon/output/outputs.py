@@ -22,6 +22,7 @@ from ..core import file_formats, udim
 from ..core.declarations.choices import Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, Kind, Labeled, Map
+from ..core.sentences import NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 from . import atomic_file, datablocks, image_file, map_names, shared_maps, value_encoding
@@ -299,7 +300,9 @@ def _absolute(path: str) -> Path:
     return Path(bpy.path.abspath(path)).absolute()
 
 
-HIDDEN_MISSES = Fix.MISS_MASK.after("Rays of some texels hit nothing, and files without alpha do not show which.")
+HIDDEN_MISSES = Fix.MISS_MASK.after(
+    Sentence("Rays of some texels hit nothing, and files without alpha do not show which.", NOTE, "hidden_misses")
+)
 """A warning."""
 
 
@@ -472,7 +475,7 @@ class Outputs:
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.map.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
-            warnings.append(Fix.DEPTH.after(cause))
+            warnings.append(Fix.DEPTH.after(Sentence(cause, WRONG)))
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)
@@ -540,4 +543,5 @@ def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
     datablocks.set_source_objects(image, highs)
     if not before:
         return []
-    return [f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."]
+    text = f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."
+    return rated([text], NOTE)

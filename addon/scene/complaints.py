@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..core import quiet
+from ..core.sentences import WRONG, rated
 from . import dependencies
 
 _SAID = re.compile(rb'^.*Object: "(.*)", Modifier: "(.*)", (.*)$', re.MULTILINE)
@@ -56,7 +57,7 @@ def of_files(objects: Sequence[bpy.types.Object], *, for_render: bool) -> list[s
     """
     lacking = dependencies.lacking(dependencies.of(objects, for_render=for_render))
     files = [f"{each.path!r}, {each.what}, {each.problem}: restore it, or remove what uses it." for each in lacking]
-    return [*files, *dependencies.missing_blocks(objects)]
+    return rated([*files, *dependencies.missing_blocks(objects)], WRONG)
 
 
 class Listener:
@@ -98,7 +99,8 @@ class Listener:
                 if each.type == "ERROR":
                     listed.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
         once = {(each.owner, each.modifier): each for each in reversed(listed)}
-        return [*(str(each) for each in reversed(once.values())), *_unread_images(self._used, self._paths)]
+        texts = [*map(str, reversed(once.values())), *_unread_images(self._used, self._paths)]
+        return rated(texts, WRONG)
 
     def _printed(self) -> Iterator[Complaint]:
         """What Blender has printed of these modifiers."""

@@ -16,6 +16,7 @@ from mathutils.bvhtree import BVHTree
 from .. import older_blender
 from ..core import foreach
 from ..core.errors import Fix, shorten_list
+from ..core.sentences import WRONG, Sentence
 from ..mesh.triangles import diagonal, transformed, unit
 from . import evaluation, render_view
 
@@ -97,7 +98,7 @@ class Posed:
     others: list[bpy.types.Object]
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Sentence:
         """What is wrong, with what fixes it."""
         verb = {"rig": "is", "key": "has it", "modifier": "is"}[self.own[0].kind]
         names = shorten_list(repr(other.name) for other in self.others)
@@ -105,7 +106,7 @@ class Posed:
         negated = f"{are} not" if verb == "is" else f"do{'es' if len(self.others) == 1 else ''} not"
         more = f" and {len(self.own) - 1} more" if len(self.own) > 1 else ""
         cause = f"{self.obj.name!r} {self.own[0].clause}{more}, {names} {negated}: they do not fit each other."
-        return Fix.REST_POSE.after(cause)
+        return Fix.REST_POSE.after(Sentence(cause, WRONG, "pose"))
 
 
 def notes(

@@ -11,11 +11,13 @@ from functools import partial
 import bpy
 
 from ..core.declarations.choices import Modifiers
+from ..core.sentences import NOTE, Sentence, by_harm
 from ..core.settings import Settings
 from ..jobs import pair_checks
 from ..jobs.pair_checks import Finding
 from ..scene import poses, reading, render_view
 from ..scene.object_checks import ObjectRef
+from . import results
 from .callbacks import Timer, events, redraw
 from .modal import QuickOperator, WaitingOperator
 from .progress_display import display
@@ -142,6 +144,11 @@ class PanelFindings:
             self._is_measuring = False
         self._kept["poses"] = replace(kept, found=notes)
         redraw()
+
+    def worst(self, context: bpy.types.Context, low: bpy.types.Object) -> Sentence | None:
+        """The sentence that tells of the most harm to the maps of `low`, for a row; None where nothing but notes is known."""
+        found = (text for report in results.all_of(context, low) for text in report.warnings)
+        return next((text for text in by_harm(found) if text.harm is not NOTE), None)
 
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""

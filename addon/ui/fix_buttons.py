@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
+from ..core.declarations.choices import Storage
 from ..core.errors import UNWRAPS, BakeError, Fix, in_window
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
@@ -82,6 +83,11 @@ FIXES = {
         "Set Rest Pose, which bakes without the deformers that only one of the objects has, and bake",
         "ARMATURE_DATA",
     ),
+    Fix.UDIM.name: (
+        "Bake UDIM Tiles",
+        "Switch UDIM Tiles on, which bakes a map for each tile that the low mesh covers",
+        "UV_DATA",
+    ),
 }
 """Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
@@ -109,6 +115,8 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
         change = Fix.__members__.get(self.kind)
         if change is None:
             return fixes.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
+        if change is Fix.UDIM and chosen.panel.storage == Storage.MEMORY:  # which holds one tile
+            chosen.panel.storage = Storage.PACK
         owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
         setattr(owner, change.setting, change.new_value)
         if change is Fix.REST_POSE:
