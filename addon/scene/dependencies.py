@@ -73,7 +73,7 @@ def of(
 
     for_render: whether modifiers count that are rendered, or those that the viewport shows.
     """
-    used = _Uses()
+    used = Uses()
     blocks = used.by(objects)
     files = [each for block in blocks for each in _of_block(block, for_render=for_render)]
     files += _libraries(blocks)
@@ -94,7 +94,7 @@ def not_to_replace(
     bakes: the low object of each, its high objects, and other objects that it reads. Maps that an earlier bake has put into the
     low object's materials may be replaced, also where the high objects show the same materials.
     """
-    bakes, used = list(bakes), _Uses()
+    bakes, used = list(bakes), Uses()
     read = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
     for low, highs, _ in bakes:
         own = used.materials_of(low)
@@ -149,7 +149,7 @@ def _has_pixels(path: str, _size: int, _time: int) -> bool:
 
 def packed_without_pixels(shown: Iterable[bpy.types.Object]) -> list[str]:
     """The names of the packed images that the materials of `shown` use and that Blender cannot decode."""
-    used = _Uses()
+    used = Uses()
     images = [image for image in used.by_materials(used.by(shown)) if image.packed_files]
     return [image.name for image in images if image.source == "FILE" and min(textures.size_of(image)) == 0]
 
@@ -158,7 +158,7 @@ def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Sentences about datablocks that `objects` use and that are not in the libraries from which they are linked."""
     return [
         f"{block.name!r} is linked from {block.library.filepath!r}, but is not in that file."
-        for block in _Uses().by(objects)
+        for block in Uses().by(objects)
         if block.is_missing and not isinstance(block, bpy.types.Material)
         if os.path.isfile(absolute(block.library.filepath, block.library))
     ]
@@ -166,7 +166,7 @@ def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:
 
 def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
     """`objects` and all datablocks that their meshes are made from."""
-    return _Uses().by(objects)
+    return Uses().by(objects)
 
 
 def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
@@ -177,13 +177,13 @@ def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
     if modifier.type == "VOLUME_TO_MESH" and modifier.object:
         blocks.append(modifier.object.data)
     for block in filter(None, blocks):
-        paths += [each.path for inner in _Uses().by([block]) for each in _of_block(inner)]
+        paths += [each.path for inner in Uses().by([block]) for each in _of_block(inner)]
     return paths
 
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
-    blocks = _Uses().by(objects)
+    blocks = Uses().by(objects)
     clauses = [
         f"the node {node.name!r} of {tree.name!r} computes the path of its file"
         for tree in blocks
@@ -195,7 +195,7 @@ def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     return [*clauses, *filter(None, (usd_layers.named(absolute(each.filepath, each)).unknown for each in caches))]
 
 
-class _Uses:
+class Uses:
     """Which datablocks use which, in the open file."""
 
     def __init__(self):
@@ -207,6 +207,10 @@ class _Uses:
     def by(self, objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
         """`objects` and all datablocks that they use, also those that these use, except what materials use."""
         return self._walk(objects, lambda block: not isinstance(block, bpy.types.Material))
+
+    def all_of(self, objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
+        """`objects` and all datablocks that they use, also those that these and their materials use."""
+        return self._walk(objects, lambda _: True)
 
     def materials_of(self, obj: bpy.types.Object) -> set[bpy.types.ID]:
         """The materials of an object: of its slots, and those that its modifiers set."""
@@ -267,6 +271,11 @@ def _pointers_of(part: bpy.types.Modifier | bpy.types.Constraint) -> Iterator[bp
             if item.item_type == "SOCKET" and item.in_out == "INPUT"
         ]
     return (value for value in values if isinstance(value, bpy.types.ID))
+
+
+def files_of(block: bpy.types.ID) -> list[Dependency]:
+    """The files that a datablock names itself."""
+    return list(_of_block(block))
 
 
 def _of_block(block: bpy.types.ID, *, for_render: bool = True, is_surface: bool = False) -> Iterator[Dependency]:

@@ -13,14 +13,15 @@ from bpy.app.handlers import persistent
 class Events:
     """What Blender tells, and who hears it: Blender has one handler for each event, from registering the add-on on.
 
-    Besides those of bpy.app.handlers, there are three of our own. "end": what belongs to the open file has to go, since another
-    one is opened or the add-on is disabled. "free": so has what is on the GPU. "live": Live has a new map or message.
+    Besides those of bpy.app.handlers, there are four of our own. "end": what belongs to the open file has to go, since another
+    one is opened or the add-on is disabled. "free": so has what is on the GPU. "live": Live has a new map or message. "baked":
+    a low object, whose session_uid it passes, has another last result.
     """
 
     OF_BLENDER = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_post")
 
     def __init__(self):
-        self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": [], "live": []}
+        self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": [], "live": [], "baked": []}
         self._handlers = {name: self._handler(name) for name in self.OF_BLENDER}
 
     def hear(self, **functions: Callable[..., object]) -> None:

@@ -178,6 +178,12 @@ class ImprintPair(bpy.types.PropertyGroup):
     max_distance: declared("max_distance", override=_OVERRIDABLE)
     result: labeled(StringProperty, "Last Bake", "The reports of the last bake, in JSON", override=_OVERRIDABLE)
     baked: labeled(StringProperty, "Baked", "Time of the last bake, in UTC", override=_OVERRIDABLE)
+    failure: labeled(
+        StringProperty,
+        "Failure",
+        "Why the last bake left the object out; empty once it is baked",
+        override=_OVERRIDABLE,
+    )
 
     maps: labeled(
         CollectionProperty,
@@ -296,12 +302,20 @@ def remember(reports: Sequence[Report]) -> None:
             own[0].distances,
         )
         keep_reports(low, own)
+        keep_failure(low, "")
 
 
 def keep_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:
     """Keep reports as the last result of a low object."""
     low.imprint.result = json.dumps([report.to_dict() for report in reports])
     low.imprint.baked = datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def keep_failure(low: bpy.types.Object, why: str) -> None:
+    """Keep why the last bake of a low object failed, or that it did not."""
+    if low.is_editable and (why or of(low) is not None):
+        low.imprint.failure = why
+    events.tell("baked", low.session_uid)
 
 
 def remember_objects(

@@ -273,19 +273,19 @@ def without_highs(context: bpy.types.Context, objects: Sequence[bpy.types.Object
 
 def resolve(context: bpy.types.Context, one: ImprintSet) -> SetJob:
     """What is baked of a set. Raises BakeError if nothing can be."""
-    jobs, left_out, off, settings = [], [], set(), one.settings
-    for low, job, why in _jobs(context, one):
+    ready, left_out, off, settings = [], [], set(), one.settings
+    for low, job, why in jobs(context, one):
         reason = why or object_checks.problem(context, low, job.highs, job.cage, settings.tracing.method)
         if not low.imprint_is_baked:
             off.add(low.session_uid)
         if not reason:
-            jobs.append(job)
+            ready.append(job)
         elif low.imprint_is_baked:
             left_out.append((low.name, reason))
     left_out += [(part.title, object_pairs.problem([part.title])) for part in _gone(one)]
-    if not jobs:
+    if not ready:
         raise BakeError(left_out[0][1] if left_out else _empty(one))
-    return SetJob(one.name, tuple(jobs), settings, one.textures != "PART", tuple(left_out), frozenset(off))
+    return SetJob(one.name, tuple(ready), settings, one.textures != "PART", tuple(left_out), frozenset(off))
 
 
 def _gone(one: ImprintSet) -> list[ImprintPart]:
@@ -303,16 +303,17 @@ def _empty(one: ImprintSet) -> str:
     return f"The set {one.name!r} has no part: add low objects."
 
 
-def _jobs(context: bpy.types.Context, one: ImprintSet) -> Iterator[tuple[bpy.types.Object, Job, str]]:
+def jobs(context: bpy.types.Context, one: ImprintSet) -> Iterator[tuple[bpy.types.Object, Job, str]]:
     """Each part's low object, its job, and why it cannot be baked."""
     if one.source == "NAMES":
         objects = object_checks.by_name(context.view_layer.objects)
         for low, pair in _by_name(context):
             yield low, _job(low, [objects[name] for name in pair.highs], objects.get(pair.cage)), ""
         return
+    has_cages = one.own.whole.method != Method.FLATTEN
     for low in lows(context, one):
         chosen = context.scene.imprint.alone(context, low)
-        cage = chosen.pair.cage if chosen.pair is not None and one.settings.tracing.method != Method.FLATTEN else None
+        cage = chosen.pair.cage if chosen.pair is not None and has_cages else None
         yield low, _job(low, chosen.highs, cage), object_pairs.problem(chosen.missing)
 
 
