@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from ..core import versions
 from ..core.errors import BakeError, NoGpu, NoGpuMemory, WrongPlace, sentence
+from ..core.processes import CONNECTION
 from ..core.progress import Progress, startup
 from . import (
     arguments,
@@ -45,7 +46,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     stderr, a line each.
     """
     with interruption.listening():
-        if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
+        if words == [worker_process.WORD] and CONNECTION in os.environ:
             return _work()
         with (
             standard_streams.redirect_blender(interruption.blender_output()) as blender_lines,

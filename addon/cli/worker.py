@@ -2,11 +2,8 @@
 """The program of a worker: bakes one plan after the other as its parent sends them."""
 
 import argparse
-import ctypes
 import faulthandler
 import os
-import signal
-import sys
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -16,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import WrongPlace, reason
+from ..core.processes import CONNECTION, end_with_parent
 from ..core.progress import Progress
 from ..jobs.job import uses_vulkan
 from ..output.atomic_file import make_folder
@@ -23,14 +21,10 @@ from . import clashes, interruption, scene_files, standard_streams
 from .baker import Baker, start_gpu
 from .plans import Plan
 from .worker_messages import Accepted, Answer, FilesFound, Line, Percent, Ready, packed
-from .worker_process import CONNECTION, log_path
+from .worker_process import log_path
 
 if os.name == "nt":
     from multiprocessing.connection import PipeConnection
-
-_PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl: the signal when the parent process ends."""
-
 
 MOST_ON_VULKAN = 100
 """Bakes of one process: each leaves mappings of memory behind in Blender's Vulkan backend, of which Linux grants 65,530.
@@ -67,7 +61,7 @@ class _Parent:
 def run_worker() -> int:
     """Bake until the parent closes the connection, has gone, or a signal came. Returns the exit code."""
     parent = _Parent()
-    _end_with_parent()
+    end_with_parent()
     standard_streams.ignore_errors()
     prints = _Prints()
     start_gpu()
@@ -90,12 +84,6 @@ def run_worker() -> int:
             standard_streams.flush()
             parent.send(entry)
     return 0
-
-
-def _end_with_parent() -> None:
-    """Have the system kill this process when its parent ends. Elsewhere than on Linux it ends by itself, unless it hangs."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class _Prints:

@@ -63,17 +63,6 @@ class Accepted:
 
 
 @dataclass(frozen=True)
-class Gone:
-    """To the parent, from the thread that reads: the process has ended, or a sentence that says what is wrong with it.
-
-    Attributes:
-        why: The sentence; empty for an end without one.
-    """
-
-    why: str = ""
-
-
-@dataclass(frozen=True)
 class FilesFound:
     """To the parent, which sends an Answer: a bake found more files: see clashes.RunFiles.opened and clashes.RunFiles.exported.
 

@@ -11,9 +11,11 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from ..core import processes
 from ..core.errors import BakeError, NoGpu, WrongPlace, reason
+from ..core.processes import Gone
 from ..core.progress import Progress
-from . import clashes, interruption, records, worker_process
+from . import clashes, interruption, records
 from .options import RunOptions
 from .plans import Plan
 from .records import Assignment
@@ -21,7 +23,7 @@ from .run_report import Cause, Entry, State
 from .terminal import Meter
 from .untrusted import Sandbox
 from .work_queue import Chains, WorkQueue
-from .worker_messages import Accepted, Answer, FilesFound, Gone, Line, Percent, Ready, Setup
+from .worker_messages import Accepted, Answer, FilesFound, Line, Percent, Ready, Setup
 from .worker_process import Worker
 
 LOOK_EVERY = 0.1
@@ -268,7 +270,7 @@ class WorkerPool:
         self._remove(worker)
         if worker.plan is None:
             if not worker.is_well:
-                line = worker_process.last_line(printed)
+                line = processes.last_line(printed)
                 what = "ends here before it bakes" if worker.is_ready else "does not start here"
                 self._count_start(f"{why or ending.text}{f', {line!r}' if line else ''}", what)
             return
@@ -300,7 +302,7 @@ class WorkerPool:
         for worker in [each for each in self._workers if each.is_ready and not each.plan and each.has_ended]:
             yield from self._handle_exit(worker)
         for worker in [each for each in self._workers if each.is_stuck]:
-            yield from self._handle_exit(worker, worker_process.NO_MESSAGE)
+            yield from self._handle_exit(worker, processes.NO_MESSAGE)
         for worker in [worker for worker in self._workers if worker.plan]:
             seconds, memory = self._options.timeout, self._options.max_memory
             if seconds and time.monotonic() - worker.assigned_at > seconds:

@@ -10,11 +10,12 @@ import time
 
 import pytest
 
-from addon.cli import arguments, command, job_file, worker_process
+from addon.cli import arguments, command, job_file
 from addon.cli.arguments import WrongUsage
 from addon.cli.claims import Claims
 from addon.cli.records import Contents
 from addon.cli.run_report import FAILED, State
+from addon.core import processes
 from scripts.imprint import ROOT
 from tests.pure import test_job_file as files
 from tests.pure import test_plan_listing as lists
@@ -57,11 +58,9 @@ def test_only_plain_files_have_last_words(tmp_path):
     secret.write_text("secret")
     os.symlink(secret, tmp_path / "link")
     os.mkfifo(tmp_path / "pipe")
-    assert worker_process.crash_output_of_log(str(secret)) == ", after it printed 'secret'"
-    assert [worker_process.crash_output_of_log(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [
-        ""
-    ] * 4
-    assert worker_process.crash_output_of_log(str(tmp_path)) == ""
+    assert processes.crash_output_of_log(str(secret)) == ", after it printed 'secret'"
+    assert [processes.crash_output_of_log(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [""] * 4
+    assert processes.crash_output_of_log(str(tmp_path)) == ""
 
 
 def test_a_list_does_not_wait_for_a_pipe(capsys, here):

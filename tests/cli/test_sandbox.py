@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli import system_calls, untrusted, worker_process
+from addon.cli import system_calls, untrusted
 from addon.cli.untrusted import Bounds, Sandbox
+from addon.core import processes
 from addon.core.errors import WrongPlace
 from tests.support import sandbox_probe
 from tests.support import untrusted as support
@@ -162,7 +163,7 @@ def test_a_user_has_a_limit_of_processes_in_the_sandbox(box, places, monkeypatch
 def test_memory_of_files_without_a_name_counts(tmp_path):
     """As of memfd_create, which maps nothing. A file that has a name takes none."""
     size, own = 1 << 22, os.getpid()
-    before = worker_process.unnamed_memory_of([own])
+    before = processes.unnamed_memory_of([own])
     descriptor = os.memfd_create("hidden")
     again = os.dup(descriptor)
     try:
@@ -170,7 +171,7 @@ def test_memory_of_files_without_a_name_counts(tmp_path):
         with open(tmp_path / "named", "wb") as file:
             file.write(bytes(size))
             file.flush()
-            assert size <= worker_process.unnamed_memory_of([own, own]) - before < 2 * size
+            assert size <= processes.unnamed_memory_of([own, own]) - before < 2 * size
     finally:
         os.close(descriptor)
         os.close(again)

@@ -10,8 +10,9 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import worker_process
-from addon.cli.worker_messages import Accepted, Answer, Gone, Line, Ready, packed
+from addon.cli.worker_messages import Accepted, Answer, Line, Ready, packed
 from addon.cli.worker_process import Worker
+from addon.core.processes import Gone
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the ends of pipes of Windows are no file descriptors")
 

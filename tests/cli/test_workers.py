@@ -33,8 +33,10 @@ from addon.cli.options import RunOptions
 from addon.cli.run_report import Entry
 from addon.cli.terminal import Meter
 from addon.cli.work_queue import WorkQueue
-from addon.cli.worker_messages import Accepted, Answer, FilesFound, Gone, Percent, Ready
+from addon.cli.worker_messages import Accepted, Answer, FilesFound, Percent, Ready
+from addon.core import processes
 from addon.core.errors import BakeError, NoGpu
+from addon.core.processes import Gone
 from addon.core.progress import Progress
 from addon.jobs import job
 from scripts.imprint import ROOT
@@ -261,7 +263,7 @@ class StandIn:
             self._send(Entry(self.plan.number, self.plan.name))
 
     def end(self):
-        return worker_process.Ending("exit code 9", "", lacked_memory=False)
+        return processes.Ending("exit code 9", "", lacked_memory=False)
 
     def answer(self, message):
         self.answered.append(message)

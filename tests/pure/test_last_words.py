@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from addon.cli import worker_process
+from addon.core import processes
 from tests.support import random_cases
 
 DUMP = """Fatal Python error: Segmentation fault
@@ -43,7 +43,7 @@ PLACE = ", in read, line 7 of mesh/uv.py"
     ],
 )
 def test_the_clause_has_the_place_and_the_last_line(text, expected):
-    assert worker_process.crash_output(text) == expected
+    assert processes.crash_output(text) == expected
 
 
 def test_the_dump_of_this_python_is_understood():
@@ -55,7 +55,7 @@ def fall(): os.abort()
 fall()"""
     words = [sys.executable, "-c", program]
     done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
-    assert worker_process.crash_output(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
+    assert processes.crash_output(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
 
 
 @random_cases.seeds(20, fast=2)
@@ -63,8 +63,8 @@ def test_a_sentence_stays_one_short_line(seed):
     chance = random.Random(seed)
     letters = 'ab "\n\r\t\x00\x1b\u2028\\/'
     text = "".join(chance.choice(letters) for _ in range(chance.randrange(5000)))
-    found = worker_process.crash_output(f'  File "{text}", line 7 in f{text}\n{text}x{"y" * chance.randrange(500)}')
-    assert len(found) < 6 * worker_process.LONGEST
+    found = processes.crash_output(f'  File "{text}", line 7 in f{text}\n{text}x{"y" * chance.randrange(500)}')
+    assert len(found) < 6 * processes.LONGEST
     assert found.isprintable()
 
 
@@ -72,12 +72,12 @@ def test_the_tail_begins_after_what_was_printed_before(tmp_path):
     path = tmp_path / "log"
     path.write_bytes(b"before" + b"x" * 10 + "\xff".encode("latin-1"))
     with path.open("rb") as file:
-        assert worker_process.printed_tail(file.fileno(), 6) == "x" * 10 + "\ufffd"
-        assert worker_process.printed_tail(file.fileno(), 1000) == ""
-    path.write_bytes(b"y" * 2 * worker_process.TAIL)
+        assert processes.printed_tail(file.fileno(), 6) == "x" * 10 + "\ufffd"
+        assert processes.printed_tail(file.fileno(), 1000) == ""
+    path.write_bytes(b"y" * 2 * processes.TAIL)
     with path.open("rb") as file:
-        assert len(worker_process.printed_tail(file.fileno())) == worker_process.TAIL
+        assert len(processes.printed_tail(file.fileno())) == processes.TAIL
 
 
 def test_the_last_line_is_short():
-    assert len(worker_process.last_line("a\n" + "b" * 20_000 + "\n\n")) == worker_process.LONGEST
+    assert len(processes.last_line("a\n" + "b" * 20_000 + "\n\n")) == processes.LONGEST
