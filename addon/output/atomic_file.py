@@ -14,7 +14,7 @@ import secrets
 import shutil
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
@@ -173,6 +173,8 @@ _SAVE_FAILED = "Failed to write blendfile"
 """What Blender 5.3 says before the last error of the system, or alone, where older versions say that error alone."""
 _NEW_FOLDERS: set[Path] = set()
 """Folders that were made for files that are not yet written."""
+before_replacing: Callable[[Path, list[Path]], None] | None = None
+"""Called with the path of each file before it is made or replaced, and the folders that were made for it."""
 
 
 def check_writable(path: Path) -> None:
@@ -244,6 +246,8 @@ class Partial:
             replaced = _REPLACED.get()
             if replaced is not None:
                 replaced.keep(self.path)
+            if before_replacing is not None:
+                before_replacing(self.path, _made_for(self.path))
             _copy_rights(self.path, self.temporary)
             os.replace(self.temporary, self.path)
         _NEW_FOLDERS.difference_update(self.path.parents)
@@ -294,7 +298,7 @@ class Replaced:
         if path in self._before:
             return
         old = _Old(path.stat(), _copy(path)) if path.exists() else None
-        self._before[path] = old, [folder for folder in path.parents if folder in _NEW_FOLDERS]
+        self._before[path] = old, _made_for(path)
 
     @contextmanager
     def restoring(self) -> Iterator[None]:
@@ -405,6 +409,11 @@ def make_folder(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
     return made
+
+
+def _made_for(path: Path) -> list[Path]:
+    """The folders above `path` that were made for files that are not yet written, the innermost first."""
+    return [folder for folder in path.parents if folder in _NEW_FOLDERS]
 
 
 def _remove_made(path: Path) -> None:

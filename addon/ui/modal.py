@@ -6,6 +6,7 @@ Scripts run tasks at once. Memory of the GPU is freed if there was no bake for a
 
 import textwrap
 from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -19,6 +20,7 @@ from ..core.errors import BakeError, in_window, sentence
 from ..core.progress import Pace, Progress, Task
 from ..engine import gpu_memory
 from .callbacks import Key, Timer, events
+from .held_files import held_files
 from .held_maps import held
 from .live import live
 from .progress_display import MAIN, display
@@ -85,6 +87,7 @@ class Runner:
         try:
             run.task.close()
         finally:
+            held_files.end()
             context.window_manager.event_timer_remove(run.timer)
             display.hide(context)
         return "Stopped." + (f" Finished before, and kept: {finished}." if finished else " Nothing was changed.")
@@ -98,6 +101,11 @@ class SlicedOperator:
 
     _own: Run | None = None
 
+    @property
+    def _is_undone(self) -> bool:
+        """Whether Blender makes a step of Undo of it."""
+        return "UNDO" in getattr(type(self), "bl_options", ())
+
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
         """The task of the operator. It may raise BakeError."""
         raise NotImplementedError
@@ -106,20 +114,23 @@ class SlicedOperator:
         """Called with the task's result when it is done."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            result = progress.finish(self.task(context, Pace()))
-        except (BakeError, MemoryError) as error:
-            self.report({"ERROR"}, in_window(sentence(error))[0])
-            return {"CANCELLED"}
-        self.finish(context, result)
-        held.hold()
-        return {"FINISHED"}
+        with held_files.step() if self._is_undone else nullcontext():
+            try:
+                result = progress.finish(self.task(context, Pace()))
+            except (BakeError, MemoryError) as error:
+                self.report({"ERROR"}, in_window(sentence(error))[0])
+                return {"CANCELLED"}
+            self.finish(context, result)
+            held.hold()
+            return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if context.window is None:
             return self.execute(context)
         operator = getattr(type(self), "bl_idname", MAIN)
         self._own = runner.start(context, self.task(context, Pace(SLICE)), operator)
+        if self._is_undone:
+            held_files.begin()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -11,6 +11,7 @@ from ..output import materials
 from ..scene import reading
 from . import bake_results, object_pairs, results
 from .fix_buttons import draw_fixable
+from .held_files import held_files
 from .results import high_objects
 from .texts import SidebarPanel, draw_paragraphs, message
 
@@ -27,9 +28,11 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return results.has_any(context) or bool(results.batch().left_out)
+        return results.has_any(context) or bool(results.batch().left_out or held_files.told)
 
     def draw(self, context: bpy.types.Context) -> None:
+        if held_files.told:
+            draw_paragraphs(self.layout.box(), context, held_files.told, "INFO")
         listed, left_out = results.of_scene(context), results.batch().left_out
         if left_out:
             _draw_left_out(self.layout.box(), context, left_out)

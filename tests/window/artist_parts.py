@@ -299,6 +299,41 @@ def part_undone() -> Steps:
     check("all is done again", contents() == second and [*_baked()] == ["crate_low"])
 
 
+def part_files_undone() -> Steps:
+    """Bakes of several maps to files, Ctrl Z and Ctrl Shift Z: files and images are those of the step."""
+    small(maps={"AO"}, storage="FILE", output=str(FOLDER / PART / "maps" / "{low}.png"), crate=True)
+    folder = FOLDER / PART / "maps"
+    yield from select_pair()
+    yield from bake()
+    first = _files(folder), contents()
+    check("two files", [*first[0]] == ["crate_low.png", "crate_low_ao.png"])
+    yield from click_row("crate_high")
+    yield from keys("s", "z", "3", "Return")
+    yield from click_row("crate_low")
+    yield from bake()
+    second = _files(folder), contents()
+    check("the second bake is another one", first[0].keys() == second[0].keys() and first[0] != second[0])
+    for key, wanted in (("ctrl+z", first), ("ctrl+shift+z", second), ("ctrl+z", first)):
+        yield from keys(key)
+        check(f"files after {key}", (_files(folder), contents()) == wanted)
+    yield from keys(*["ctrl+z"] * 4)
+    check("the first bake is undone", not folder.exists() and not contents())
+    yield from keys(*["ctrl+shift+z"] * 5)
+    check("all is done again", (_files(folder), contents()) == second)
+    (folder / "crate_low.png").write_bytes(b"of another program")
+    yield from keys("ctrl+z")
+    yield 0.5
+    check("what changed since stays", (folder / "crate_low.png").read_bytes() == b"of another program")
+    check("the rest is undone", _files(folder)["crate_low_ao.png"] == first[0]["crate_low_ao.png"])
+    picture("told")
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    """The bytes of the files in a folder, which may be missing, by their names."""
+    paths = sorted(folder.iterdir()) if folder.is_dir() else []
+    return {path.name: path.read_bytes() for path in paths}
+
+
 def part_bevel() -> Steps:
     """Bevel and Weighted Normal on the low object, after a high object was baked."""
     small(crate=True)
