@@ -71,6 +71,8 @@ class Report:
     """The numbers of the low object's material slots in the texture set; empty for all faces."""
     refs: list = _of("request.job.refs", default_factory=list)
     """A scene.object_checks.ObjectRef for the low object, each high object and the cage. Empty in a report from a file."""
+    state: Any = _of("state", default=None, compare=False)
+    """A jobs.state_pieces.State: what the bake has read. None in a report from a file."""
     settings: dict = _of("settings.flat", default_factory=dict)
     """The settings of the bake, by the names in settings.Settings."""
     uv_layer: str = _of("meshes.uv_layer", default="")
@@ -212,9 +214,9 @@ class Report:
         return list(dict.fromkeys([self.image, *(how["image"] for how in self.maps.values())]))
 
     def to_dict(self) -> dict:
-        """Plain data for json.dump, without references to objects of this session, and without the picture."""
-        values = asdict(self)
-        del values["refs"], values["picture"]
+        """Plain data for json.dump, without references to objects of this session, the picture, and what was read."""
+        values = asdict(replace(self, state=None))
+        del values["refs"], values["picture"], values["state"]
         # The former names of keys, until version 0.4.
         values["readers"] = values["targets"]
         values["seconds"]["pages"] = values["seconds"]["textures"]

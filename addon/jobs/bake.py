@@ -25,10 +25,11 @@ from ..mesh.edges import is_without_area
 from ..output.materials import into_materials
 from ..output.outputs import Outputs, kept
 from ..scene import object_checks, reading
-from . import one_material, pair_checks
+from . import one_material, pair_checks, state_pieces
 from .baked import Baked
 from .job import Job, Request, check_job, read_meshes, set_numbers
 from .one_material import Shown
+from .state_pieces import State
 
 
 def bake_job(context: bpy.types.Context, request: Request, pace: Pace) -> Task[Report]:
@@ -45,7 +46,7 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     job, settings, timings = request.job, run.settings, run.timings
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            measures, warnings = yield from part(_prepare(context, request, run), 0.0, READY)
+            measures, warnings, state = yield from part(_prepare(context, request, run), 0.0, READY)
             plan, read = measures.plan, measures.plan.read
             outputs.sample_onto(job.low, read.uv_layer, is_own_base=read.is_own_base, slots=job.slots)
             for tile, start, stop in shares_of_tiles(plan):
@@ -54,7 +55,7 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
                 levels = yield from part(mip_levels.of(maps, tile, run), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-            baked = yield from part(_checked(context, request, measures, warnings), 1.0, 1.0)
+            baked = yield from part(_checked(context, request, measures, warnings, state), 1.0, 1.0)
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
@@ -68,13 +69,14 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     return baked.stored_as(stored, [*stored.warnings, *notes])
 
 
-def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[Measures, list[Sentence]]]:
-    """Read and plan, up to what is drawn and measured. Also returns the warnings about the objects."""
+def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[Measures, list[Sentence], State]]:
+    """Read and plan, up to what is drawn and measured. Also returns the warnings about the objects, and what was read."""
     job, wants, settings, timings = request.job, request.wants, run.settings, run.timings
     name = job.low.name
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
         meshes = read_meshes(context, request)
+        state = state_pieces.of_read(request, meshes)
     yield Progress(f"Looking at {name}", 0.5)
     plan = plan_of(meshes, settings, timings, length=reading.lengths_of(context.scene))
     notes = [*meshes.lacks, *object_checks.warnings(job.low, job.highs), *orienting.notes(meshes, plan.told)]
@@ -97,11 +99,12 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tup
     measures = yield from part(making, 1.0, 1.0)
     hints = wants.hints if plan.method == Method.CAST else ()
     warnings = [*notes, *early, *measures.others.warnings, *rated(hints, WRONG, severity.UNFIT)]
-    return measures, list(map(Sentence.of, [*warnings, *(measures.seen.warnings if measures.seen else ())]))
+    warnings += measures.seen.warnings if measures.seen else ()
+    return measures, list(map(Sentence.of, warnings)), state
 
 
 def _checked(
-    context: bpy.types.Context, request: Request, measures: Measures, warnings: Sequence[Sentence]
+    context: bpy.types.Context, request: Request, measures: Measures, warnings: Sequence[Sentence], state: State
 ) -> Task[Baked]:
     """Check what was drawn. Raises BakeError if no texel was written."""
     plan, tally, drawing = measures.plan, measures.tally, measures.drawing
@@ -113,7 +116,7 @@ def _checked(
         raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why)
     materials = set_numbers(request.job.low, plan.meshes) if not request.settings.map.texture_sets else None
     findings = yield from measures.findings(length, materials)
-    return Baked(request, plan, findings, drawing.run.timings, warnings)
+    return Baked(request, plan, findings, drawing.run.timings, warnings, state=state)
 
 
 def draw_raw(
@@ -124,12 +127,12 @@ def draw_raw(
     Also returns the maps without a margin, by tile and name, as Renderer.raw has them.
     """
     with gpu_memory.trimmed():
-        measures, warnings = yield from part(_prepare(context, request, run), 0.0, READY)
+        measures, warnings, state = yield from part(_prepare(context, request, run), 0.0, READY)
         maps = {}
         for tile, start, stop in shares_of_tiles(measures.plan):
             maps[tile] = yield from part(measures.drawing.renderer.raw(tile), start, stop)
             measures.add_raw(tile, maps[tile][NORMAL.name])
-        return (yield from part(_checked(context, request, measures, warnings), 1.0, 1.0)), maps
+        return (yield from part(_checked(context, request, measures, warnings, state), 1.0, 1.0)), maps
 
 
 def measure_rays(

@@ -4,7 +4,7 @@
 Fills in names, checks for clashes, and counts maps.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -330,17 +330,8 @@ def _groups(
     settings.check()  # before object names are filled in, which may contain anything
     wants = replace(wants, for_others=pair_checks.is_for_others(settings, is_exported=wants.exported))
     settings = settings.read_by(context.scene.render.engine)
-    if settings.map.texture_sets:
-        jobs = by_material(jobs, settings.storing, shares=bool(shared_name))
-    requests = [
-        Request(
-            job,
-            named(_of_job(own, job, is_shared=bool(shared_name)), job, shared_name),
-            wants,
-            occluders(context, job, jobs, settings.tracing),
-        )
-        for job, own in zip(jobs, weights.settings_by_job(jobs, settings), strict=True)
-    ]
+    requests = [replace(each, wants=wants) for each in _requests(context, jobs, settings, shared_name)]
+    jobs = [each.job for each in requests]
     by_image: dict[object, list[Request]] = {}
     for request in requests:
         storing = request.settings.storing
@@ -363,6 +354,29 @@ def named(settings: Settings, job: Job, shared_name: str = "") -> Settings:
     image, output = map(naming.of_shared_textures, (storing.image or naming.USUAL, storing.output))
     material = shared_name if job.material == NO_MATERIAL else job.material
     return for_low(settings.stored(image=image, output=output), shared_name, material)
+
+
+def requests_of(
+    context: bpy.types.Context, job: Job, settings: Settings, *, jobs: Sequence[Job] = (), shared_name: str = ""
+) -> list[Request]:
+    """The requests that `work` makes of one of several jobs, one for each texture set, without its checks. Raises BakeError.
+
+    jobs: all of them; empty for `job` alone. shared_name: empty if low objects share no image.
+    """
+    requests = _requests(context, jobs or [job], settings.read_by(context.scene.render.engine), shared_name)
+    return [request for request in requests if request.job.low_ref.uid == job.low_ref.uid]
+
+
+def _requests(
+    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, shared_name: str
+) -> Iterator[Request]:
+    """Each bake of `work`, without its wants, as a low object alone reads what its own needs."""
+    if settings.map.texture_sets:
+        jobs = by_material(jobs, settings.storing, shares=bool(shared_name))
+    for job, of_job in zip(jobs, weights.settings_by_job(jobs, settings), strict=True):
+        own = _of_job(of_job, job, is_shared=bool(shared_name))
+        shading = occluders(context, job, jobs, settings.tracing)
+        yield Request(job, named(own, job, shared_name), NOTHING_ELSE, shading, own)
 
 
 def _of_job(settings: Settings, job: Job, *, is_shared: bool) -> Settings:

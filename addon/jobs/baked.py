@@ -21,8 +21,9 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import Stored
 from ..passes import surface_tables
-from . import material_inputs
+from . import map_contents, material_inputs
 from .job import Request
+from .state_pieces import State
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,14 @@ class Baked:
     """None until the maps are stored."""
     notes: Sequence[str] = ()
     """Warnings about what was stored."""
+    state: State | None = None
+    """What was read; and the images, when they are stored. None if nobody asks, as for a file."""
 
     def stored_as(self, stored: Stored, notes: Sequence[str], margin: float | None = None) -> "Baked":
         """This bake after its maps were stored. margin: of the stored map, if it differs from the drawn one."""
         findings = self.findings if margin is None else replace(self.findings, margin=margin)
-        return replace(self, findings=findings, stored=stored, notes=notes)
+        state = self.state and self.state.with_images(map_contents.note(stored.images))
+        return replace(self, findings=findings, state=state, stored=stored, notes=notes)
 
     @property
     def settings(self) -> Settings:

@@ -159,6 +159,13 @@ class Request:
     wants: Wants = NOTHING_ELSE
     other_refs: tuple[ObjectRef, ...] = ()
     """Other objects that are occluders."""
+    unnamed: Settings | None = None
+    """The settings before names were filled in; None for `settings`."""
+
+    @property
+    def asked(self) -> Settings:
+        """The settings before names were filled in, which do not change if an object is renamed."""
+        return self.unnamed or self.settings
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:

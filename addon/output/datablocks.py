@@ -150,10 +150,14 @@ def pack_unpacked() -> None:
 
     Called before a file is saved. What was painted on such an image since is packed as well.
     """
-    for image in bpy.data.images:
-        if image.get(UNPACKED) and image.source == "GENERATED" and image.is_dirty:
-            image.pack()
-            del image[UNPACKED]
+    for image in filter(is_unpacked, bpy.data.images):
+        image.pack()
+        del image[UNPACKED]
+
+
+def is_unpacked(image: bpy.types.Image) -> bool:
+    """Whether the map of an image is only in memory."""
+    return bool(image.get(UNPACKED) and image.source == "GENERATED" and image.is_dirty)
 
 
 def _keep(image: bpy.types.Image) -> None:

@@ -312,6 +312,7 @@ class Stored:
 
     Attributes:
         image: The normal map, or the first other map without one.
+        images: Those of all maps.
         paths: The files of the normal map by tile, then those of each other map.
         tiles: UDIM numbers.
         mip_files, maps, attributes, loss: As in Report.
@@ -319,6 +320,7 @@ class Stored:
     """
 
     image: bpy.types.Image
+    images: list[bpy.types.Image]
     paths: list[str]
     mip_files: dict[str, list[str]]
     tiles: list[int]
@@ -483,6 +485,7 @@ class Outputs:
             warnings += more
         return Stored(
             image=stored[self._first],
+            images=list(stored.values()),
             paths=[path for writer in self._writers.values() for path in writer.paths],
             tiles=list(first.tiles),
             mip_files={

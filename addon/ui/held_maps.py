@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 
 from ..core import foreach
+from ..jobs import map_contents
 from ..output import datablocks
 from ..output.datablocks import UNPACKED
 from .callbacks import events
@@ -52,7 +53,7 @@ class HeldMaps:
 
     def _before_saving(self, *_) -> None:
         """A file would have an empty image in place of a map in memory."""
-        datablocks.pack_unpacked()
+        map_contents.pack_unpacked()
 
     def forget(self) -> None:
         """Hold nothing."""

@@ -8,9 +8,8 @@ import bpy
 from ..core import progress
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..jobs import live_session
+from ..jobs import live_session, map_contents
 from ..jobs.job import Job
-from ..output import datablocks
 from ..scene import object_checks
 from .callbacks import Timer, events
 from .live_following import SLICE, Following
@@ -206,7 +205,7 @@ class LiveController:
                 self._following.keep()
             except BakeError as error:
                 self._show_message(str(error))
-            datablocks.pack_unpacked()  # what is kept in memory, or could not be written to its files
+            map_contents.pack_unpacked()  # what is kept in memory, or could not be written to its files
 
     def _show_message(self, text: str) -> None:
         """Change the message, and redraw if it is different."""

@@ -28,6 +28,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatPrope
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
+from ..jobs import part_state
 from ..jobs.job import Job
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
@@ -177,6 +178,7 @@ class ImprintPair(bpy.types.PropertyGroup):
     extrusion: declared("extrusion", override=_OVERRIDABLE)
     max_distance: declared("max_distance", override=_OVERRIDABLE)
     result: labeled(StringProperty, "Last Bake", "The reports of the last bake, in JSON", override=_OVERRIDABLE)
+    state: labeled(StringProperty, "State", "What the last bake has read, in JSON", override=_OVERRIDABLE)
     baked: labeled(StringProperty, "Baked", "Time of the last bake, in UTC", override=_OVERRIDABLE)
     failure: labeled(
         StringProperty,
@@ -303,6 +305,7 @@ def remember(reports: Sequence[Report]) -> None:
         )
         keep_reports(low, own)
         keep_failure(low, "")
+        part_state.keep(low, [report.state for report in own if report.state is not None])
 
 
 def keep_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:

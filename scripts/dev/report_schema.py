@@ -28,7 +28,7 @@ from addon.core.stored_normals import ConversionReport  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
 LEFT_OUT = {
-    Report: {"refs", "picture"},
+    Report: {"refs", "picture", "state"},
     Entry: run_report.NOT_REPORTED,
     ChainReport: {"seconds", "warnings"},
     Level: {"bake"},

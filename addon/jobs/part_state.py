@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the maps of a part are true: what a bake of it would read now, compared with what its last bake has read.
+
+A bake computes its state from the arrays that it draws (state_pieces), the low object keeps it (`keep`), and `look` computes
+that of now in the same way. The images of the maps are pieces as well: they are there, and nobody else has written them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from enum import StrEnum
+
+import bpy
+
+from ..core.declarations.all_settings import DECLARED
+from ..core.errors import BakeError
+from ..core.naming import ATLAS
+from ..core.progress import Progress, Task
+from ..core.settings import Settings
+from . import bake_jobs, map_contents
+from .job import Job, Request, read_meshes
+from .map_contents import Written
+from .state_pieces import (
+    CODE,
+    IMAGE,
+    MATERIAL,
+    MESH,
+    OTHERS,
+    PLACE,
+    PROBLEM,
+    SETTING,
+    State,
+    of_other,
+    of_read,
+    of_size,
+)
+
+__all__ = ["State", "Status", "changes", "keep", "kept", "look", "status"]
+
+
+class Status(StrEnum):
+    """What the sign of a part says of its maps."""
+
+    NEVER = "NEVER"
+    """It was never baked."""
+    TRUE = "TRUE"
+    """A bake would make the same maps."""
+    CHANGED = "CHANGED"
+    """Something that it reads has changed, or a map."""
+    FAILED = "FAILED"
+    """Its last bake failed."""
+    UNKNOWN = "UNKNOWN"
+    """Nobody has looked since the file was opened, or something was touched."""
+
+
+def look(
+    context: bpy.types.Context,
+    job: Job,
+    settings: Settings,
+    *,
+    then: State | None = None,
+    jobs: Sequence[Job] = (),
+    share_image: bool = False,
+    shared_name: str = ATLAS,
+    known: dict[int, str] | None = None,
+) -> Task[State]:
+    """What a bake of `job` would read now. A generator: Blender can continue between its steps.
+
+    Args:
+        settings: As for bake_jobs.work, with "{low}" in names.
+        then: The state of the last bake: at whose images to look.
+        jobs: Those that are baked together, whose high objects may be occluders; with `job`. Empty for `job` alone.
+        share_image, shared_name: As for bake_jobs.work.
+        known: Keys of objects that only shade, by session_uid, which are not read again. Adds to it. To be cleared when an
+            object changes.
+
+    What cannot be baked has the sentence of the problem as a piece.
+    """
+    name, known = job.low_ref.name, {} if known is None else known
+    yield Progress(f"Looking at {name}", 0.0)
+    try:
+        settings.check()
+        requests = bake_jobs.requests_of(
+            context, job, settings, jobs=jobs, shared_name=shared_name if share_image else ""
+        )
+        state = _read(context, requests, known)
+    except BakeError as error:
+        state = State({f"{PROBLEM}:": str(error)})
+    yield Progress(f"Looking at {name}", 1.0)
+    return state.with_images(map_contents.look(job.low_ref.find(), then.of_kind(IMAGE)) if then is not None else {})
+
+
+def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[int, str]) -> State:
+    """What the bakes of all texture sets of a low object would read now, which is read once. known: as in `look`."""
+    first = requests[0]
+    new = tuple(ref for ref in first.other_refs if ref.uid not in known)
+    meshes = read_meshes(context, replace(first, job=first.job.but(texture_set=None), other_refs=new))
+    keys = {mesh.name: of_other(mesh) for mesh in meshes.others}
+    known |= {ref.uid: keys.get(ref.name, "") for ref in new}
+    others = [key for ref in first.other_refs if (key := known[ref.uid])]
+    return of_read(first, meshes, others).joined(map(of_size, requests[1:]))
+
+
+def changes(then: State, now: State) -> list[str]:
+    """What differs between two states, in clauses, the worst first; none if a bake would make the same maps."""
+    if not then.pieces:  # an earlier version did not note it
+        return ["Imprint itself"]
+    problem = now.of_kind(PROBLEM)
+    if problem:
+        return list(problem.values())
+    clauses = list(_of_maps(then, now))
+    clauses += [f"the mesh of {name!r}" for name in _differing(then, now, MESH)]
+    moved = [name for name in _differing(then, now, PLACE) if f"the mesh of {name!r}" not in clauses]
+    clauses += [f"the place of {name!r}" for name in moved]
+    clauses += ["the objects that shade it" for _ in _differing(then, now, OTHERS)]
+    clauses += [f"the material {name!r}" for name in _differing(then, now, MATERIAL)]
+    clauses += map(_of_setting, _differing(then, now, SETTING))
+    clauses += ["Imprint itself" for _ in _differing(then, now, CODE)]
+    return clauses
+
+
+def _of_setting(name: str) -> str:
+    """A clause about a setting. name: of its piece, with the texture set that it is for."""
+    setting, _, material = name.partition(" ")
+    label = DECLARED[setting].label if setting in DECLARED else setting
+    return f"the setting {label}" + (f" of {material!r}" if material else "")
+
+
+def _of_maps(then: State, now: State) -> Iterator[str]:
+    found = now.of_kind(IMAGE)
+    for name, key in then.of_kind(IMAGE).items():
+        match found.get(name, key):
+            case Written.GONE:
+                yield f"the image {name!r} is gone"
+            case Written.NO_FILE:
+                yield f"the file of {name!r} is gone"
+            case Written.EDITED:
+                yield f"the image {name!r} was edited"
+
+
+def _differing(then: State, now: State, kind: str) -> list[str]:
+    """The names of the pieces of a kind that differ: those that are new or other, and those that are gone.
+
+    What was only renamed has the same key at the same place in the order.
+    """
+    before, after = then.of_kind(kind), now.of_kind(kind)
+    if kind == SETTING:  # another one, which differs, decides whether a setting has a meaning
+        return [name for name in after if before.get(name, after[name]) != after[name]]
+    if list(before.values()) == list(after.values()):
+        return []
+    changed = [name for name, key in after.items() if before.get(name) != key]
+    renamed = [before[name] for name in before if name not in after]
+    for name in [name for name in changed if name not in before]:
+        if after[name] in renamed:
+            renamed.remove(after[name])
+            changed.remove(name)
+    gone = [name for name in before if name not in after and before[name] in renamed]
+    return [*changed, *gone]
+
+
+def status(then: State | None, now: State | None) -> Status:
+    """The sign of a part. then: of its last bake; None without one. now: None while nobody has looked."""
+    if then is None:
+        return Status.NEVER
+    if now is None:
+        return Status.UNKNOWN
+    return Status.CHANGED if changes(then, now) else Status.TRUE
+
+
+def keep(low: bpy.types.Object, states: Sequence[State]) -> None:
+    """Keep the states of a bake of a low object, one for each texture set, with its pair."""
+    if low.is_editable and hasattr(low, "imprint"):
+        low.imprint.state = states[0].joined(states[1:]).to_json() if states else ""
+
+
+def kept(low: bpy.types.Object) -> State | None:
+    """The state of the last bake of a low object, empty if it is not known; None if it was never baked."""
+    if not hasattr(low, "imprint") or not low.is_property_set("imprint") or not low.imprint.result:
+        return None
+    return State.of_json(low.imprint.state) or State()
