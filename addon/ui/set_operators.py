@@ -6,15 +6,14 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from ..core import naming
-from ..core.errors import BakeError
+from ..core.errors import BakeError, shorten_list
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..jobs import sets as set_jobs
 from ..jobs.job import Wants
 from ..jobs.sets import SetJob
 from ..scene import object_checks
 from ..scene.object_checks import object_by_name
-from . import object_pairs, results, sets
+from . import object_pairs, results, selection, sets
 from .bake_operators import BakeOperator, Several
 from .modal import QuickOperator
 from .sets import ImprintSet
@@ -45,28 +44,43 @@ def add(context: bpy.types.Context, name: str) -> ImprintSet:
 
 def put_part(one: ImprintSet, low: bpy.types.Object) -> None:
     """Add a part to a set, unless it has it."""
+    low.imprint  # noqa: B018 - reading it makes the group, which panels may not do while they draw
     if all(slot.object != low for slot in one.parts):
         one.parts.add().object = low
         one.active_part = len(one.parts) - 1
 
 
-def _selected_lows(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The low objects among the selected ones: what a name or a pair calls low, else what nothing calls high. Where the active
-    object has the others as its high ones, it alone."""
-    panel, selected = context.scene.imprint, [obj for obj in context.selected_objects if obj.type == "MESH"]
-    low = context.active_object if context.active_object in selected else None
-    free = sets.without_highs(context, selected)
-    named = [obj for obj in free if naming.role(obj.name, panel.suffixes()) == "low" or _is_paired(obj)]
-    if named:
-        return named
-    if low is not None and len(panel.all_chosen(context)) == 1:
-        return [low]
-    return free
+def _put(context: bpy.types.Context, one: ImprintSet) -> str:
+    """Add the parts among the selected objects to a set. Returns a sentence about what is in none, or ""."""
+    lows, highs = selection.parts(context)
+    if highs:
+        _pair(context, lows[0], highs)
+    for low in lows:
+        put_part(one, low)
+    meshes = {obj for obj in context.selected_objects if obj.type == "MESH"}
+    free = sets.without_highs(context, sorted(meshes.difference(lows, highs), key=lambda obj: obj.name))
+    return f"Not added: {shorten_list(repr(obj.name) for obj in free)}, which nothing calls low." if free else ""
 
 
-def _is_paired(obj: bpy.types.Object) -> bool:
-    pair = object_pairs.of(obj)
-    return pair is not None and pair.is_kept
+def _pair(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> None:
+    """Make these the high objects of a low one, unless its pair or its name has the same. The rays stay as they are."""
+    panel = context.scene.imprint
+    chosen = panel.alone(context, low)
+    if set(chosen.highs) == set(highs):
+        return
+    _check_editable(low)
+    pair = object_pairs.of(low)
+    if pair is None or not pair.is_kept:
+        object_pairs.remember_objects(low, highs, None, panel.to_settings().flat(), {})
+    else:
+        pair.is_own = False
+        pair.put(highs)
+
+
+def _check_editable(low: bpy.types.Object) -> None:
+    """Raise BakeError if an object can have no pair."""
+    if not low.is_editable:
+        raise BakeError(f"{low.name!r} is linked from another file: make it local, or a library override.")
 
 
 class SetOperator(QuickOperator):
@@ -86,30 +100,42 @@ class IMPRINT_OT_set_add(SetOperator, bpy.types.Operator):
     bl_label = "Add Set"
 
     def apply(self, context: bpy.types.Context) -> str:
-        lows = _selected_lows(context)
-        if not context.selected_objects:
-            _by_name(context)
-            return ""
-        one = add(context, naming.without_suffix(lows[0].name) if lows else "")
-        for low in lows:
-            put_part(one, low)
-        _keep_pair(context, lows)
-        return ""
+        lows, _ = selection.parts(context)
+        if not lows:
+            return _add_by_name(context)
+        one = add(context, selection.name_of(lows))
+        left = _put(context, one)
+        _take_rays(one, lows)
+        return left
 
 
-def _by_name(context: bpy.types.Context) -> None:
-    """Add a set of all pairs by name, with what Bake Pairs by Name takes."""
+def _add_by_name(context: bpy.types.Context) -> str:
+    """Add a set of all pairs by name, which bakes what Bake Pairs by Name does; an empty one if there are none."""
     panel = context.scene.imprint
-    one = add(context, bpy.path.display_name_from_filepath(bpy.data.filepath) or "")
-    one.source = "NAMES"
+    one = add(context, bpy.path.display_name_from_filepath(bpy.data.filepath))
+    one.source = "NAMES" if panel.pairs_by_name(context)[0] else "PARTS"
     one.textures = "ONE" if panel.share_image else "PART"
+    return ""
 
 
-def _keep_pair(context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> None:
-    """Make the pair of the active object, if it is the only part and others are selected as its high objects."""
-    chosen = context.scene.imprint.chosen(context)
-    if list(lows) == [chosen.low] and chosen.pair is None and chosen.highs and chosen.low not in chosen.highs:
-        chosen.low.imprint.put(chosen.highs)
+def _take_rays(one: ImprintSet, lows: Sequence[bpy.types.Object]) -> None:
+    """Take over the method and distances that all parts were baked by, where they are not the scene's; else each part's own
+    distance."""
+    pairs = [pair for low in lows if (pair := object_pairs.of(low)) is not None and pair.is_kept]
+    values = {tuple(getattr(pair, name) for name in object_pairs.CHOSEN) for pair in pairs}
+    panel = one.id_data.imprint
+    if len(values) == 1 and len(pairs) == len(lows):
+        for name, value in zip(object_pairs.CHOSEN, *values, strict=True):
+            if value != getattr(panel, name) and not (name in _DISTANCES and pairs[0].measure):
+                setattr(one.own, name, value)
+        return
+    for pair in pairs:
+        low = pair.id_data
+        if not pair.measure and not low.imprint_distance and low.is_editable:
+            low.imprint_distance = max(pair.extrusion, pair.max_distance / 2.0)
+
+
+_DISTANCES = ("extrusion", "max_distance")
 
 
 class IMPRINT_OT_set_remove(SetOperator, bpy.types.Operator):
@@ -166,11 +192,12 @@ class IMPRINT_OT_set_part_add(SetOperator, bpy.types.Operator):
     bl_label = "Add Part"
 
     def apply(self, context: bpy.types.Context) -> str:
-        one, lows = _active(context), _selected_lows(context)
-        for low in lows:
-            put_part(one, low)
-        _keep_pair(context, lows)
-        return ""
+        one = _active(context)
+        if one.source != "PARTS":
+            raise BakeError("The parts of this set follow its collection or names: set Source to Parts first.")
+        if not selection.parts(context)[0]:
+            raise BakeError("No low object: select those to add.")
+        return _put(context, one)
 
 
 class IMPRINT_OT_set_part_remove(SetOperator, bpy.types.Operator):
@@ -201,13 +228,11 @@ class IMPRINT_OT_set_high_add(SetOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         low = _low(context, self.low)
-        wanted = [object_by_name(self.high)] if self.high else context.selected_objects
-        new = [obj for obj in wanted if obj != low and object_checks.may_show(obj)]
-        if not new:
+        new = [object_by_name(self.high)] if self.high else selection.highs_for(context, low)
+        if not new or not all(map(object_checks.may_show, new)) or low in new:
             raise BakeError("No high object: select one beside the low object.")
         own = [high for high in context.scene.imprint.alone(context, low).highs if high != low]
-        low.imprint.is_own = False
-        low.imprint.put(list(dict.fromkeys([*own, *new])))
+        _pair(context, low, list(dict.fromkeys([*own, *new])))
         return ""
 
 
@@ -222,10 +247,12 @@ class IMPRINT_OT_set_high_remove(SetOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         low = _low(context, self.low)
+        _check_editable(low)
         chosen = context.scene.imprint.alone(context, low)
-        if chosen.pair is None:  # from now on it is made by hand
-            low.imprint.put([high for high in chosen.highs if high != low])
-        low.imprint.remove(self.high)
+        if chosen.pair is None and low not in chosen.highs:  # they were found by name
+            _pair(context, low, [high for high in chosen.highs if high.name != self.high])
+        else:
+            low.imprint.remove(self.high)
         return ""
 
 

@@ -271,6 +271,12 @@ def without_highs(context: bpy.types.Context, objects: Sequence[bpy.types.Object
     return [obj for obj in objects if obj not in others and naming.role(obj.name, suffixes) not in {"high", "cage"}]
 
 
+def highs_of(context: bpy.types.Context, low: bpy.types.Object) -> list[bpy.types.Object]:
+    """The high objects that the pair or the name of a low object gives it; none if it is baked onto itself."""
+    highs = context.scene.imprint.alone(context, low).highs
+    return [] if low in highs else highs
+
+
 def resolve(context: bpy.types.Context, one: ImprintSet) -> SetJob:
     """What is baked of a set. Raises BakeError if nothing can be."""
     ready, left_out, off, settings = [], [], set(), one.settings

@@ -38,7 +38,7 @@ def lows(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types
     if len(objects) < 2:
         return []
     key = tuple(obj.session_uid for obj in objects)
-    return [] if until_change.get("lie over", key, lambda: _lie_over(objects)) else objects
+    return [] if until_change.get("lie over", key, lambda: lie_over(objects)) else objects
 
 
 def candidates(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
@@ -67,7 +67,7 @@ def _is_called_high(obj: bpy.types.Object, panel: "ImprintSettings") -> bool:
     return naming.role(obj.name, panel.suffixes()) in {"high", "cage"}
 
 
-def _lie_over(objects: Sequence[bpy.types.Object]) -> bool:
+def lie_over(objects: Sequence[bpy.types.Object]) -> bool:
     """Whether two of them lie over one another, so that one may be high."""
     if len(objects) < 2:
         return False

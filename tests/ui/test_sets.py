@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.ui import sets
+from addon.ui import object_pairs, sets
 from tests.support.panel import select, use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -54,13 +54,70 @@ def names_of(one):
     return [low.name for low in sets.lows(bpy.context, one)]
 
 
-def test_a_set_from_the_selection_has_what_names_call_low(props):
-    select(*props.values())
+def highs_of(one):
+    return {job.low.name: [high.name for high in job.highs] for job in sets.resolve(bpy.context, one).jobs}
+
+
+def added(*objects):
+    """The high objects by the parts of the set that one click adds."""
+    select(*objects)
     assert bpy.ops.imprint.set_add() == {"FINISHED"}
-    one = sets.active(bpy.context)
-    assert (one.name, names_of(one)) == ("crate", ["crate_low", "lid_low"])
-    job = sets.resolve(bpy.context, one)
-    assert [[high.name for high in each.highs] for each in job.jobs] == [["crate_high"], ["lid_high"]]
+    return highs_of(sets.active(bpy.context))
+
+
+class TestAdd:
+    """A set from the selection."""
+
+    @pytest.mark.parametrize("active", ["crate_low", "lid_low", "crate_high", "lid_high"])
+    def test_names_decide_whatever_is_active(self, props, active):
+        others = [obj for name, obj in props.items() if name != active]
+        assert added(props[active], *others) == {"crate_low": ["crate_high"], "lid_low": ["lid_high"]}
+        assert all(object_pairs.of(low) is None or not object_pairs.of(low).is_kept for low in props.values())
+
+    def test_what_a_pair_calls_low_is_no_high(self, props):
+        ball, shell = cube("ball", 8.0), cube("shell", 8.0, 1.9)
+        ball.imprint.put([shell])
+        assert added(props["crate_low"], ball, shell, props["crate_high"]) == {
+            "crate_low": ["crate_high"],
+            "ball": ["shell"],
+        }
+
+    def test_others_are_the_high_ones_of_the_active_object(self):
+        sculpt, bolts, low = cube("sculpt"), cube("bolts"), cube("crate", size=2.1)
+        bpy.context.scene.imprint.method = "CAST"
+        assert added(low, sculpt, bolts) == {"crate": ["sculpt", "bolts"]}
+        pair = object_pairs.of(low)
+        assert (pair.is_kept, pair.method) == (True, "CAST")
+        assert sets.active(bpy.context).own.names_of_own() == []
+        sculpt.name = "detail"
+        assert highs_of(sets.active(bpy.context)) == {"crate": ["detail", "bolts"]}
+
+    def test_objects_side_by_side_are_a_part_each(self):
+        objects = [cube(name, 3.0 * number) for number, name in enumerate(("lamp", "table", "vase"))]
+        assert added(*objects) == {name: [name] for name in ("lamp", "table", "vase")}
+        assert sets.active(bpy.context).name == sets.NEW
+
+    def test_distances_of_a_pair_become_the_sets(self, props):
+        object_pairs.remember_objects(
+            props["crate_low"],
+            [props["crate_high"]],
+            None,
+            {"method": "CAST", "extrusion": 0.2, "max_distance": 0.7},
+            {},
+        )
+        added(props["crate_low"])
+        tracing = sets.active(bpy.context).settings.tracing
+        assert (tracing.method, tracing.extrusion, tracing.max_distance) == pytest.approx(("CAST", 0.2, 0.7))
+
+    def test_without_a_selection_and_pairs_it_is_empty(self):
+        bpy.ops.object.select_all(action="DESELECT")
+        assert bpy.ops.imprint.set_add() == {"FINISHED"}
+        assert names_of(sets.active(bpy.context)) == []
+
+    def test_a_light_is_no_part(self):
+        bpy.ops.object.light_add()
+        assert bpy.ops.imprint.set_add() == {"FINISHED"}
+        assert names_of(sets.active(bpy.context)) == []
 
 
 def test_sets_bake_the_maps_of_pairs_by_name(props):
