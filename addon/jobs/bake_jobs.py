@@ -287,35 +287,60 @@ def work(
             raises BakeError.
     """
     groups = _groups(context, jobs, settings, wants, shared_name if share_image else "")
-    lows = [{request.job.low_ref for request in group} for group in groups]
     if only is not None:
         groups = [[request for request in group if request.job.low_ref.uid in only] for group in groups]
-    planned = [(group, refs) for group, refs in zip(groups, lows, strict=True) if group]
-    for request in (request for group, _ in planned for request in group):
-        check_job(context, request.job, request.settings)
-    all_kept = [
-        shared_image.kept(context, [each.job for each in group], group[0].settings, is_shared=share_image)
-        for group, _ in planned
-    ]
+    planned, failures = _checked(context, groups, is_shared=share_image)
+    for name, error in failures.items():
+        if not goes_on:
+            raise error
+        yield Progress("Starting", 0.0, failure=(name, str(error)))
+    if failures and not planned:
+        raise next(iter(failures.values()))
     total, begun = sum(len(group) for group, _ in planned), 0
     reports: list[Report] = []
-    for (group, _), kept in zip(planned, all_kept, strict=True):
+    for group, kept in planned:
         start, begun = begun / total, begun + len(group)
         steps = part(_into_one(context, group, pace, kept, is_alone=not share_image), start, begun / total)
         name = "" if share_image else group[0].job.low_ref.name
         try:
             baked = yield from relay(steps, partial(replace, finished=len(reports), low=name))
         except BakeError as error:
-            if not goes_on or (begun == total and not reports):
+            if not goes_on:
                 raise
             for request in group:
                 failure = request.job.low_ref.name, str(error)
                 yield Progress("Storing", begun / total, finished=len(reports), failure=failure)
+            if begun == total and not reports:
+                raise
         else:
             for report in baked:
                 reports.append(report)
                 yield Progress("Storing", begun / total, finished=len(reports), report=report)
     return reports
+
+
+def _checked(
+    context: bpy.types.Context, groups: Sequence[Sequence[Request]], *, is_shared: bool
+) -> tuple[list[tuple[list[Request], Kept]], dict[str, BakeError]]:
+    """The bakes that can be done, by image, with what others keep in it; and why others cannot, by the names of low objects."""
+    planned: list[tuple[list[Request], Kept]] = []
+    failures: dict[str, BakeError] = {}
+    for group in groups:
+        ready = []
+        for request in group:
+            try:
+                check_job(context, request.job, request.settings)
+                ready.append(request)
+            except BakeError as error:
+                failures.setdefault(request.job.low_ref.name, error)
+        jobs = [request.job for request in ready]
+        try:
+            if ready:
+                kept = shared_image.kept(context, jobs, ready[0].settings, is_shared=is_shared)
+                planned.append((ready, kept))
+        except BakeError as error:
+            failures |= {job.low_ref.name: error for job in jobs}
+    return planned, failures
 
 
 def all_or_nothing(baking: Task[list[Report]]) -> Task[list[Report]]:

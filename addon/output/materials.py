@@ -16,7 +16,7 @@ from ..core.declarations.choices import Space
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
 from ..core.settings import Settings
-from . import datablocks, map_nodes
+from . import datablocks, map_nodes, shared_maps
 from .map_nodes import MapImage
 from .outputs import Stored
 from .tree_editing import Coordinates
@@ -117,7 +117,7 @@ def hook_up(
     if settings is None:
         return notes
     connect = partial(map_nodes.connect_normals, settings=settings, coordinates=_coordinates(low, uv_layer))
-    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
+    return _edit(low, connect, [image], single_user=single_user, slots=slots, is_own_base=is_own_base)
 
 
 def _normal_map(
@@ -165,7 +165,8 @@ def connect_maps(
         image.image[MARK] = True
     coordinates = _coordinates(low, uv_layer)
     connect = partial(map_nodes.connect_surface, images=images, coordinates=coordinates)
-    return _edit(low, connect, single_user=single_user, slots=slots, is_own_base=is_own_base)
+    shown = [each.image for each in images.values()]
+    return _edit(low, connect, shown, single_user=single_user, slots=slots, is_own_base=is_own_base)
 
 
 def into_materials(
@@ -250,6 +251,7 @@ def _coordinates(low: Object, uv_layer: str) -> Coordinates:
 def _edit(
     low: Object,
     connect: Callable[[Material], list[str]],
+    shown: Sequence[Image],
     *,
     single_user: bool,
     slots: Sequence[int] | None,
@@ -257,11 +259,12 @@ def _edit(
 ) -> list[str]:
     """Call `connect` with every material on the faces of low that can be changed. slots, is_own_base: as in `hook_up`.
 
-    Returns notes, with those of `connect`.
+    shown: what they show then. Returns notes, with those of `connect`.
     """
     _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user)
     sharers = _sharers(low)
     notes = []
+    with_map = {part.name for image in shown for part in shared_maps.parts_of_image(image.name)}
     own = {slot.material for slot in low.material_slots}
     for material in of(low, slots, is_own_base=is_own_base):
         is_local, others = _is_local(material), sharers[material]
@@ -273,8 +276,8 @@ def _edit(
         elif not is_local:
             notes.append(f"{state} and was left as it is; make it local, or ask for a single-user copy.")
             continue
-        elif others:
-            notes.append(f"{state}; the map shows there too.")
+        elif others := [name for name in others if name not in with_map]:
+            notes.append(f'Material "{material.name}" {_list(others)}; the map shows there too.')
         notes.extend(older_blender.switch_on_nodes(target))
         notes.extend(connect(target))
     return notes

@@ -195,15 +195,23 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
 
     def _called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
         """The high objects of `low` by name."""
+        pair = self._pair_by_name(context, low)
+        objects = object_checks.by_name(context.view_layer.objects, low) if pair is not None else {}
+        return list(filter(object_checks.may_show, map(objects.get, pair.highs))) if pair is not None else []
+
+    def cage_by_name(self, context: bpy.types.Context, low: bpy.types.Object) -> bpy.types.Object | None:
+        """The cage of `low` by name, or None."""
+        pair = self._pair_by_name(context, low)
+        return context.view_layer.objects.get(pair.cage) if pair is not None and pair.cage else None
+
+    def _pair_by_name(self, context: bpy.types.Context, low: bpy.types.Object | None) -> Pair | None:
         if low is None or naming.role(low.name, self.suffixes()) != "low":
-            return []
+            return None
         try:
             pairs, _ = self.pairs_by_name(context)
-        except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
-            return []
-        highs = next((pair.highs for pair in pairs if pair.low == low.name), ())
-        objects = object_checks.by_name(context.view_layer.objects, low) if highs else {}
-        return list(filter(object_checks.may_show, map(objects.get, highs)))
+        except BakeError:  # suffixes that are the same, which the box says
+            return None
+        return next((pair for pair in pairs if pair.low == low.name), None)
 
     def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
         """The pairs of the view layer's objects, and sentences about objects without a match. Raises BakeError for suffixes

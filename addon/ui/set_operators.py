@@ -16,6 +16,7 @@ from ..scene.object_checks import object_by_name
 from . import object_pairs, results, selection, sets
 from .bake_operators import BakeOperator, Several
 from .modal import QuickOperator
+from .results import Batch
 from .sets import ImprintSet
 from .texts import labeled
 
@@ -294,19 +295,20 @@ class IMPRINT_OT_bake_sets(BakeOperator, bpy.types.Operator):
     )
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[Several]:
-        return (yield from bake_sets(context, _resolved(context, self.name), pace))
+        return (yield from bake_sets(context, _chosen(context, self.name), pace))
 
 
-def _resolved(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
-    """The set of this name, or all that are on, as they are baked. Raises BakeError if nothing can be."""
+def _chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
+    """The set of this name, or all that are on, as they are baked. Raises BakeError if there is none."""
     chosen = [one for one in context.scene.imprint_sets if (one.name == name if name else one.is_on)]
     if not chosen:
         raise BakeError(f"There is no set {name!r}." if name else "No set is on: switch one on, or add one.")
-    return [(sets.resolve(context, one), Wants(exported=bool(one.own.whole.export))) for one in chosen]
+    wants = [Wants(exported=bool(one.own.whole.export)) for one in chosen]
+    return list(zip(sets.resolve_all(context, chosen), wants, strict=True))
 
 
 def bake_sets(context: bpy.types.Context, chosen: Sequence[tuple[SetJob, Wants]], pace: Pace) -> Task[Several]:
-    """Bake sets. What cannot be baked is left out."""
+    """Bake sets. What cannot be baked is left out. Raises BakeError if nothing can be."""
     done = Several([], [one for set_job, _ in chosen for one in set_job.left_out])
 
     def noted(step: Progress) -> Progress:
@@ -316,13 +318,20 @@ def bake_sets(context: bpy.types.Context, chosen: Sequence[tuple[SetJob, Wants]]
 
     try:
         for number, (set_job, wants) in enumerate(chosen):
-            steps = set_jobs.work(context, set_job, pace, wants=wants)
-            before = len(done.reports)
-            reports = yield from relay(part(steps, number / len(chosen), (number + 1) / len(chosen)), noted)
-            done.reports[before:] = reports
+            steps = part(
+                set_jobs.work(context, set_job, pace, wants=wants), number / len(chosen), (number + 1) / len(chosen)
+            )
+            try:
+                yield from relay(steps, noted)
+            except BakeError as error:
+                if all(reason != str(error) for _, reason in done.left_out):
+                    done.left_out.append(("", str(error)))
     except GeneratorExit:  # the maps that are done stay
         results.remember(done.reports)
         raise
+    if not done.reports:
+        results.keep_batch(Batch(done.left_out))
+        raise BakeError(done.left_out[0][1])
     return done
 
 

@@ -25,13 +25,14 @@ from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.naming import LOW, MATERIAL, NAME, Pair
 from ..core.settings import Settings
+from ..jobs import sets as set_jobs
 from ..jobs.job import Job
 from ..jobs.sets import SetJob
 from ..scene import object_checks
 from . import object_pairs
 from .callbacks import events, registering
 from .declared_properties import REACHES, MapList, Options, length_name, map_switch
-from .object_pairs import Slot, is_mesh
+from .object_pairs import Slot, is_mesh, with_own
 from .properties import ImprintSettings, WithEngine
 from .texts import labeled
 
@@ -279,24 +280,48 @@ def highs_of(context: bpy.types.Context, low: bpy.types.Object) -> list[bpy.type
 
 def resolve(context: bpy.types.Context, one: ImprintSet) -> SetJob:
     """What is baked of a set. Raises BakeError if nothing can be."""
+    set_job = _look(context, one)
+    if not set_job.jobs:
+        raise BakeError(set_job.left_out[0][1])
+    return set_job
+
+
+def resolve_all(context: bpy.types.Context, chosen: Sequence[ImprintSet]) -> list[SetJob]:
+    """What is baked of several sets, without what sets before them in the list bake already. A set of which nothing can be
+    baked has no jobs, and why in `left_out`."""
+    every = [one for one in context.scene.imprint_sets if one.is_on or one in chosen]
+    resolved = set_jobs.apart([_look(context, one) for one in every if one.is_on])
+    of_names = {set_job.name: set_job for set_job in resolved}
+    return [of_names.get(one.name) or _look(context, one) for one in every if one in chosen]
+
+
+def _look(context: bpy.types.Context, one: ImprintSet) -> SetJob:
+    """As `resolve`, without jobs if nothing can be baked, and why in `left_out`."""
     ready, left_out, off, settings = [], [], set(), one.settings
-    for low, job, why in jobs(context, one):
-        reason = why or object_checks.problem(context, low, job.highs, job.cage, settings.tracing.method)
-        if not low.imprint_is_baked:
-            off.add(low.session_uid)
-        if not reason:
-            ready.append(job)
-        elif low.imprint_is_baked:
-            left_out.append((low.name, reason))
-    left_out += [(part.title, object_pairs.problem([part.title])) for part in _gone(one)]
-    if not ready:
-        raise BakeError(left_out[0][1] if left_out else _empty(one))
-    return SetJob(one.name, tuple(ready), settings, one.textures != "PART", tuple(left_out), frozenset(off))
+    try:
+        for low, job, why in jobs(context, one):
+            reason = why or object_checks.problem(context, low, job.highs, job.cage, settings.tracing.method)
+            if not low.imprint_is_baked:
+                off.add(low.session_uid)
+            if not reason:
+                ready.append(job)
+            elif low.imprint_is_baked:
+                left_out.append((low.name, reason))
+        left_out += _gone(context, one)
+    except BakeError as error:  # suffixes that are the same
+        left_out.append(("", str(error)))
+    if not ready and not left_out:
+        left_out.append(("", _empty(one)))
+    set_job = SetJob(one.name, tuple(ready), settings, one.textures != "PART", tuple(left_out), frozenset(off))
+    return set_jobs.check_highs(set_job)
 
 
-def _gone(one: ImprintSet) -> list[ImprintPart]:
-    """The parts whose objects do not exist."""
-    return [part for part in one.parts if part.title and part.find() is None] if one.source == "PARTS" else []
+def _gone(context: bpy.types.Context, one: ImprintSet) -> list[tuple[str, str]]:
+    """The parts whose objects do not exist, and objects whose names lack another one; and why, in sentences."""
+    if one.source == "NAMES":
+        return [("", problem) for problem in context.scene.imprint.pairs_by_name(context)[1]]
+    titles = [part.title for part in one.parts if part.title and part.find() is None] if one.source == "PARTS" else []
+    return [(title, object_pairs.problem([title])) for title in titles]
 
 
 def _empty(one: ImprintSet) -> str:
@@ -314,18 +339,13 @@ def jobs(context: bpy.types.Context, one: ImprintSet) -> Iterator[tuple[bpy.type
     if one.source == "NAMES":
         objects = object_checks.by_name(context.view_layer.objects)
         for low, pair in _by_name(context):
-            yield low, _job(low, [objects[name] for name in pair.highs], objects.get(pair.cage)), ""
+            yield low, with_own(Job(low, [objects[name] for name in pair.highs], objects.get(pair.cage))), ""
         return
-    has_cages = one.own.whole.method != Method.FLATTEN
+    panel, has_cages = context.scene.imprint, one.own.whole.method != Method.FLATTEN
     for low in lows(context, one):
-        chosen = context.scene.imprint.alone(context, low)
-        cage = chosen.pair.cage if chosen.pair is not None and has_cages else None
-        yield low, _job(low, chosen.highs, cage), object_pairs.problem(chosen.missing)
-
-
-def _job(low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None) -> Job:
-    """The job of a part, with the size and the distance that its low object has."""
-    return Job(low, highs, cage, size=int(low.imprint_size), distance=low.imprint_distance)
+        chosen = panel.alone(context, low)
+        cage = chosen.pair.cage if chosen.pair is not None else panel.cage_by_name(context, low)
+        yield low, with_own(Job(low, chosen.highs, cage if has_cages else None)), object_pairs.problem(chosen.missing)
 
 
 def settle(*_) -> None:

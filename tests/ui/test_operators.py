@@ -422,7 +422,7 @@ def test_the_panel_shows_every_setting(pair):
     shown.update(draw().properties)
     # The list of high objects has the last two, switches stand for the maps, and engines set the names.
     hidden = {"rna_type", "name", "names", "engine_name", "maps", "active_high"}
-    assert names - shown - set(FORMER) - {"highs"} == hidden
+    assert names - shown - set(FORMER) - {"highs", "bakes", "active_set"} == hidden
 
 
 def test_one_size_for_both_sides(pair):
