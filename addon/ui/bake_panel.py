@@ -2,9 +2,7 @@
 """The main panel: the slots of the objects with their operators, size and samples, and the Bake button with what it will do,
 or why it cannot."""
 
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
@@ -14,10 +12,10 @@ from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import ATLAS
 from ..core.settings import Settings
-from ..jobs import bake_jobs, fixes
-from ..jobs.job import Job, by_material, check_materials, covers_detail
+from ..jobs import fixes
+from ..jobs.job import check_materials, covers_detail
 from ..jobs.pair_checks import Finding
-from ..output import datablocks, map_names, outputs
+from ..output import datablocks, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs, results, several
@@ -26,6 +24,7 @@ from .findings import findings
 from .fix_buttons import draw_button, draw_fixable
 from .live import live
 from .modal import QuickOperator
+from .planned_images import count_images, filled, planned_images
 from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
 from .results_panel import draw_batch, draw_numbers
@@ -234,7 +233,7 @@ def _material_problem(low: bpy.types.Object, values: Settings) -> str:
 def _clash(low: bpy.types.Object, settings: Settings) -> str:
     """Why texture sets cannot have the names of the settings; empty if they can."""
     try:
-        _filled(low, settings)
+        filled(low, settings)
     except BakeError as error:
         return str(error)
     return ""
@@ -280,8 +279,8 @@ def describe_bake(chosen: Chosen) -> str:
     replaced = outputs.replaced(first.name, [high.name for high in highs])
     if replaced:
         parts.append(message("which holds a map of {}").format(replaced))
-    if first.file:
-        parts.append(message("to the file {}").format(repr(first.file)))
+    if first.path:
+        parts.append(message("to the file {}").format(repr(first.path)))
     return f"{action.format(**objects)}: {', '.join(parts)}."
 
 
@@ -300,55 +299,6 @@ def describe_several(context: bpy.types.Context, lows: Sequence[bpy.types.Object
     into = message("into one image {}") if settings.share_image else message("into images such as {}")
     size = f"{settings.width} x {settings.height}"
     return f"{action.format(len(lows))}: {size}, {into.format(repr(first.name))}."
-
-
-def count_images(low: bpy.types.Object, settings: Settings) -> str:
-    """How many images the button fills, in a line: the box keeps its height, so that lists below it do not move."""
-    return message("Images of this bake: {}").format(len(planned_images(low, settings)))
-
-
-@dataclass(frozen=True)
-class PlannedImage:
-    """An image that a bake fills.
-
-    Attributes:
-        file: The name of its file; empty without one.
-    """
-
-    name: str
-    file: str
-
-    @property
-    def title(self) -> str:
-        """The names of the image and the file."""
-        return f"{self.name} ({self.file})" if self.file else self.name
-
-
-def planned_images(low: bpy.types.Object, settings: Settings, name: str = "") -> list[PlannedImage]:
-    """The images that a bake would fill: that of the report first, then the others.
-
-    Args:
-        settings: Valid.
-        name: In place of the low object's name.
-    """
-    return [image for filled in _filled(low, settings, name) for image in _images(filled)]
-
-
-def _images(filled: Settings) -> list[PlannedImage]:
-    """The images of one texture set."""
-    by_map = map_names.settings_by_map(filled)
-    first = map_names.first_map(filled.map)
-    return [
-        PlannedImage(of_map.storing.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
-        for of_map in [by_map.pop(first), *by_map.values()]
-    ]
-
-
-def _filled(low: bpy.types.Object, values: Settings, low_name: str = "") -> list[Settings]:
-    """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
-    texture sets would share."""
-    names = [job.material for job in by_material([Job(low, [])], values.storing)] if values.map.texture_sets else [""]
-    return [bake_jobs.for_low(values, low_name or low.name, name) for name in names]
 
 
 def swap_warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:

@@ -32,7 +32,7 @@ from ..jobs import part_state
 from ..jobs.job import Job
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
-from .callbacks import events, registering
+from .callbacks import events, registering, until_change
 from .declared_properties import declared
 from .texts import labeled
 
@@ -221,6 +221,7 @@ class ImprintPair(bpy.types.PropertyGroup):
 
     def _put(self, highs: Sequence[tuple[bpy.types.Object | None, str]]) -> None:
         """As `put`, of objects that may be missing, with their names."""
+        until_change.drop()  # Blender tells of no change
         for index, (obj, called) in enumerate(highs):
             item = self.highs[index] if index < len(self.highs) else self.highs.add()
             if item.object != obj:

@@ -48,6 +48,7 @@ def put_part(one: ImprintSet, low: bpy.types.Object) -> None:
     low.imprint  # noqa: B018 - reading it makes the group, which panels may not do while they draw
     if all(slot.object != low for slot in one.parts):
         one.parts.add().object = low
+        low.imprint  # noqa: B018 - reading it makes it, which the panel may not while it draws
         one.active_part = len(one.parts) - 1
 
 
@@ -271,11 +272,19 @@ class IMPRINT_OT_set_own(SetOperator, bpy.types.Operator):
     bl_idname = "imprint.set_own"
     bl_label = "Own Setting"
 
-    setting: labeled(StringProperty, "Setting", "Name of the setting", options={"SKIP_SAVE"})
+    setting: labeled(
+        StringProperty,
+        "Setting",
+        "Name of the setting; empty to give all own settings back to the scene",
+        options={"SKIP_SAVE"},
+    )
 
     def apply(self, context: bpy.types.Context) -> str:
         one = _active(context)
-        if one.is_own(self.setting):
+        if not self.setting:
+            for name in one.own.names_of_own():
+                one.back(name)
+        elif one.is_own(self.setting):
             one.back(self.setting)
         else:
             one.make_own(self.setting)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panels of the settings, with their operators: map, channels, maps, packing, output, rays."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 
 import bpy
 
@@ -16,10 +16,11 @@ from ..scene.high_materials import materials_of
 from . import bake_panel, declared_properties, results
 from .cage_overlay import overlay
 from .modal import QuickOperator
+from .planned_images import PlannedImage, count_images, planned_images
 from .progress_display import SettingsPanel, display
-from .properties import ImprintSettings
 from .results import distances
-from .texts import draw_props, font_size, label, room, split_layout, text_width, tooltip
+from .setting_rows import Rows
+from .texts import draw_paragraphs, draw_props, font_size, label, message, room, split_layout, text_width, tooltip
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
@@ -31,35 +32,35 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        layout = split_layout(layout)
-        settings = context.scene.imprint
-        chosen = settings.chosen(context)
-        low, rays = chosen.low, chosen.rays
-        layout.prop(rays, "method")
-        layout.prop(settings, "space")
-        if settings.space == Space.TANGENT:
-            layout.prop(settings, "basis")
+        layout, rows = split_layout(layout), Rows(context)
+        low = rows.chosen.low
+        rows.prop(layout, "method", "space")
         if low is not None and low.type == "MESH":
-            layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
+            rows.search(layout, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         row = layout.row()
-        turns_normals = settings.edge_radius or (settings.detail_maps and _have_normal_maps(chosen.highs))
-        shares_samples = chosen.settings.map.drawn_maps or turns_normals
-        row.active = rays.method != Method.FLATTEN and int(settings.samples) >= ADAPTIVE_FROM and not shares_samples
-        row.prop(settings, "adaptive")
+        row.active = _is_adaptive(rows)
+        rows.prop(row, "adaptive")
         column = layout.column(align=True)
-        column.prop(settings, "wrap")
+        rows.prop(column, "wrap")
         row = column.row(align=True)
-        row.active = settings.wrap == Wrap.NONE
-        row.prop(settings, "margin_type")
+        row.active = rows["wrap"] == Wrap.NONE
+        rows.prop(row, "margin_type")
         row = column.row(align=True)
-        row.active = not settings.unlimited
-        row.prop(settings, "margin")
-        draw_props(column, settings, "unlimited", "mips")
-        draw_props(layout, settings, "stacked", "modifiers", "rest_pose", "keep_faces", "cut_outs", "smooth_high")
+        row.active = not rows["unlimited"]
+        rows.prop(row, "margin")
+        rows.prop(column, "unlimited", "mips")
+        rows.prop(layout, "stacked", "modifiers", "rest_pose", "keep_faces", "cut_outs", "smooth_high")
         column = layout.column(align=True)
-        column.prop(settings, "limited")
-        if settings.limited:
-            column.prop(settings, "limit")
+        rows.prop(column, "limited")
+        if rows["limited"]:
+            rows.prop(column, "limit")
+
+
+def _is_adaptive(rows: Rows) -> bool:
+    """Whether a bake can take samples where they are needed alone."""
+    turns_normals = rows["edge_radius"] or (rows["detail_maps"] and _have_normal_maps(rows.chosen.highs))
+    is_cast = rows["method"] != Method.FLATTEN and int(rows["samples"]) >= ADAPTIVE_FROM
+    return is_cast and not (rows.settings.map.drawn_maps or turns_normals)
 
 
 def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
@@ -70,40 +71,14 @@ def _have_normal_maps(highs: Sequence[bpy.types.Object]) -> bool:
     return any(node.bl_idname in {"ShaderNodeNormalMap", "ShaderNodeBump"} for tree in trees for node in tree.nodes)
 
 
-class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
-    """The content of each channel. The setting Engine sets it."""
-
-    bl_idname = "IMPRINT_PT_channels"
-    bl_parent_id = "IMPRINT_PT_map"
-    bl_label = "Channels"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        layout = split_layout(layout)
-        draw_props(layout.column(align=True), context.scene.imprint, "red", "green", "blue")
-
-
-class IMPRINT_PT_targets(SettingsPanel, bpy.types.Panel):
-    """The programs for which the report says how far off they are."""
-
-    bl_idname = "IMPRINT_PT_targets"
-    bl_parent_id = "IMPRINT_PT_map"
-    bl_label = "Target Engines"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        settings = context.scene.imprint
-        column = layout.column(align=True)
-        column.active = settings.space == Space.TANGENT
-        column.prop(settings, "targets")
-
-
 GROUPS = {
     "rays": [one for one in Family if one.casts_rays],
     "materials": [one for one in Family if one.shows_materials],
     "geometry": [one for one in Family if not (one.casts_rays or one.shows_materials or one is Family.NORMAL)],
 }
 """The groups of the list, and their families."""
+RARE = ("WIDENED_ROUGHNESS", "COAT", "SHEEN", "DISPLACEMENT")
+"""The maps of More Settings, which few bakes need."""
 CHECK_BOX = 28.0
 """The width of a check box and of the margins beside its name, in pixels at a scale of 1."""
 INDENT = 2.0
@@ -118,37 +93,48 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
     bl_label = "Maps"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.imprint
+        layout, rows = self.layout, Rows(context)
         layout.enabled = display.current is None  # a column could not hold the panels of the groups
-        layout.prop(settings, "normal")
-        if settings.normal:
+        rows.prop(layout, "normal")
+        if rows["normal"]:
             row = layout.row()
             row.separator(factor=INDENT)
-            column = row.column(align=True)
-            draw_props(column, settings, "detail_maps", "edge_radius", "appearance")
-        chosen = settings.chosen(context)
-        drawn = chosen.settings.map.drawn_maps
+            rows.prop(row.column(align=True), "detail_maps", "edge_radius")
         titles = {
             "rays": label("Occlusion and Curvature"),
             "materials": label("Materials and Attributes"),
             "geometry": label("Geometry"),
         }
-        for group, families in GROUPS.items():
-            names = [kind.name for kind in OTHERS if kind.family in families]
+        if rows.set is not None:  # the switches of the maps are one setting
+            row = layout.row(align=True)
+            row.label(text=label(DECLARED["maps"].label), translate=False)
+            rows.pin(row, "maps")
+        for group, names in groups().items():
             header, body = layout.panel(f"imprint_maps_{group}", default_closed=group != "rays")
-            header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
+            header.label(text=_title(titles[group], rows["maps"] & set(names)), translate=False)
             if body is not None:
-                draw_group(body, context, names, drawn)
-        if drawn and not bake_panel.bake_problem(context, chosen):
+                draw_group(body, context, rows, names)
+        chosen = rows.chosen
+        if rows.set is None and rows.settings.map.drawn_maps and not bake_panel.bake_problem(context, chosen):
             header, body = layout.panel("imprint_images", default_closed=True)
-            header.label(text=bake_panel.count_images(chosen.low, chosen.settings), translate=False)
+            header.label(text=count_images(chosen.low, rows.settings), translate=False)
             if body is not None:
-                _draw_names(body, bake_panel.planned_images(chosen.low, chosen.settings))
+                draw_images(body, planned_images(chosen.low, rows.settings))
 
 
-def _draw_names(layout: bpy.types.UILayout, images: Iterable[bake_panel.PlannedImage]) -> None:
-    """The names of images in lines. Those that exist already have another icon than new ones."""
+def groups() -> dict[str, list[str]]:
+    """The names of the maps of each group, without those of RARE."""
+    return {
+        group: [kind.name for kind in OTHERS if kind.family in families and kind.name not in RARE]
+        for group, families in GROUPS.items()
+    }
+
+
+def draw_images(layout: bpy.types.UILayout, images: Sequence[PlannedImage]) -> None:
+    """The names of images, or those of their files below the folder. Those that exist have another icon than new ones."""
     column = layout.column(align=True)
+    if folder := next((image.folder for image in images if image.folder), ""):
+        column.label(text=folder, icon="FILE_FOLDER", translate=False)
     for image in images:
         icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
         column.label(text=image.title, icon=icon, translate=False)
@@ -159,30 +145,29 @@ def _title(text: str, chosen: Collection[str]) -> str:
     return f"{text} ({len(chosen)})" if chosen else text
 
 
-def draw_group(
-    layout: bpy.types.UILayout, context: bpy.types.Context, names: Sequence[str], drawn: Collection[str]
-) -> None:
-    """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
-    image stores."""
+def draw_group(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, names: Sequence[str]) -> None:
+    """The switches of some maps, with the settings of those that are drawn, also where only the packed image stores them."""
     columns, widths = _two_columns(names, names[::2])
     if sum(widths) > room(context):  # long names beside short ones
         longest = sorted(names, key=_switch_width, reverse=True)[: len(columns[0])]
         columns, widths = _two_columns(names, longest)
     split = layout.split(factor=widths[0] / sum(widths), align=True)  # long names are cut off in columns of even widths
+    owner = rows.owner("maps")
     for each in columns:
         column = split.column(align=True)
         for name in each:
-            column.prop(context.scene.imprint, declared_properties.map_switch(name))
-    if BY_NAME[names[0]].family.casts_rays:
-        _draw_ray_settings(layout, context.scene.imprint, [name for name in names if name in drawn])
-    if any(BY_NAME[name].socket for name in names if name in drawn):
-        split_layout(layout.column()).prop(context.scene.imprint, "exact_materials")
-    for own in (BY_NAME[name] for name in names if name in drawn and BY_NAME[name].settings):
+            column.prop(owner, declared_properties.map_switch(name))
+    drawn = [name for name in names if name in rows.settings.map.drawn_maps]
+    if packed := [label(BY_NAME[name].label) for name in drawn if name not in rows["maps"]]:
+        draw_paragraphs(layout, context, [message("In the packed image: {}").format(", ".join(packed))], "INFO")
+    if any(BY_NAME[name].family.casts_rays for name in drawn):
+        _draw_ray_settings(layout, rows, drawn)
+    for own in (BY_NAME[name] for name in drawn if BY_NAME[name].settings):
         column = _indented(layout)
-        column.active = own is not VECTOR_DISPLACEMENT or context.scene.imprint.space == Space.TANGENT
-        draw_props(column, context.scene.imprint, *own.settings)
-    if ATTRIBUTE.name in names and ATTRIBUTE.name in drawn:
-        _draw_attribute(_indented(layout), context)
+        column.active = own is not VECTOR_DISPLACEMENT or rows["space"] == Space.TANGENT
+        rows.prop(column, *own.settings)
+    if ATTRIBUTE.name in drawn:
+        _draw_attribute(_indented(layout), rows)
 
 
 def _two_columns(names: Sequence[str], left: Collection[str]) -> tuple[list[list[str]], list[float]]:
@@ -196,50 +181,54 @@ def _switch_width(name: str) -> float:
     return CHECK_BOX + text_width(label(BY_NAME[name].label), font_size(1.0))
 
 
-def _draw_ray_settings(layout: bpy.types.UILayout, settings: ImprintSettings, drawn: Sequence[str]) -> None:
+def _draw_ray_settings(layout: bpy.types.UILayout, rows: Rows, drawn: Sequence[str]) -> None:
     """The settings of each family of these maps, and at the end that of all families."""
     column = layout.column(align=True)
     for family in dict.fromkeys(BY_NAME[name].family for name in drawn):
-        _draw_settings(_indented(column), settings, family)
-    if drawn:
-        _indented(column).prop(settings, "rays")
+        _draw_settings(_indented(column), rows, family)
+    rows.prop(_indented(column), "rays")
 
 
-def _draw_settings(layout: bpy.types.UILayout, settings: ImprintSettings, family: Family) -> None:
+def _draw_settings(layout: bpy.types.UILayout, rows: Rows, family: Family) -> None:
     """What the maps of a family need."""
     if family is Family.THICKNESS:
-        _draw_reach(layout, settings, "thickness_distance", label("Thickness"))
+        _draw_reach(layout, rows, "thickness_distance", label("Thickness"))
     elif family is Family.CURVATURE:
-        _draw_reach(layout, settings, "curvature_radius", label("Curvature"))
+        _draw_reach(layout, rows, "curvature_radius", label("Curvature"))
     else:
-        _draw_reach(layout, settings, "ao_distance", label(DECLARED["ao_distance"].label))
-        if settings.ao_limited:
-            layout.prop(settings, "ao_fade")
-        draw_props(layout, settings, "bias_angle", "occluders", "floor", "two_sided")
+        _draw_reach(layout, rows, "ao_distance", label(DECLARED["ao_distance"].label))
+        if rows["ao_limited"]:
+            rows.prop(layout, "ao_fade")
+        rows.prop(layout, "occluders", "two_sided")
     layout.separator()
 
 
-def _draw_reach(layout: bpy.types.UILayout, settings: ImprintSettings, reach: str, title: str) -> None:
+def _draw_reach(layout: bpy.types.UILayout, rows: Rows, reach: str, title: str) -> None:
     """A distance behind its switch, and its unit. title: short, since the line is indented."""
-    limited = DECLARED[reach].switch
     column = layout.column(align=True)
-    row = column.row(align=True, heading=title, translate=False)
-    row.prop(settings, limited, text="")
+    if _draw_switched(column, rows, reach, title):
+        rows.prop(column, "distance_unit")
+
+
+def _draw_switched(layout: bpy.types.UILayout, rows: Rows, name: str, title: str) -> bool:
+    """A number behind its switch. Returns whether that is on."""
+    switch = DECLARED[name].switch
+    row = layout.row(align=True, heading=title, translate=False)
+    row.prop(rows.owner(switch), switch, text="")
     value = row.row(align=True)
-    value.active = getattr(settings, limited)
-    value.prop(settings, settings.shown(reach), text="")
-    if value.active:
-        column.prop(settings, "distance_unit")
+    value.active = rows[switch]
+    value.prop(rows.owner(name), rows.shown(name) if name in declared_properties.REACHES else name, text="")
+    rows.pin(row, name)
+    return value.active
 
 
-def _draw_attribute(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def _draw_attribute(layout: bpy.types.UILayout, rows: Rows) -> None:
     """The name of an attribute, to choose from those of the first high mesh."""
-    settings = context.scene.imprint
-    mesh = next((high.data for high in settings.chosen(context).highs if high.type == "MESH"), None)
+    mesh = next((high.data for high in rows.chosen.highs if high.type == "MESH"), None)
     if mesh is None:
-        layout.prop(settings, "attribute")
+        rows.prop(layout, "attribute")
     else:
-        layout.prop_search(settings, "attribute", mesh, "attributes")
+        rows.search(layout, "attribute", mesh, "attributes")
 
 
 def _indented(layout: bpy.types.UILayout) -> bpy.types.UILayout:
@@ -258,12 +247,14 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        layout, settings = split_layout(layout), context.scene.imprint
+        layout, rows = split_layout(layout), Rows(context)
         column = layout.column(align=True)
-        column.prop(settings, "pack")
-        if settings.pack == Pack.CUSTOM:
-            draw_props(column, settings, "pack_red", "pack_green", "pack_blue", "pack_alpha")
-        draw_props(layout, settings, "texture_sets", "vertex_domain", "connect_maps")
+        rows.prop(column, "pack")
+        if rows["pack"] == Pack.CUSTOM:
+            rows.prop(column, "pack_red", "pack_green", "pack_blue", "pack_alpha")
+        if rows.set is None:  # Textures of the set say it
+            rows.prop(layout, "texture_sets")
+        rows.prop(layout, "vertex_domain", "connect_maps")
 
 
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
@@ -275,29 +266,23 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        layout = split_layout(layout)
-        settings = context.scene.imprint
+        layout, rows = split_layout(layout), Rows(context)
         # A name for a new image is not among those that exist, and a search field would be red.
-        layout.prop_search(settings, "image", bpy.data, "images", results_are_suggestions=True)
-        layout.prop(settings, "depth", expand=True)
-        if settings.depth == "8":
-            layout.prop(settings, "dither")
-        row = layout.row(align=True, heading=label("Set Range"), translate=False)
-        row.prop(settings, "range_limited", text="")
-        value = row.row(align=True)
-        value.active = settings.range_limited
-        value.prop(settings, "value_range", text="")
-        layout.prop(settings, "udim")
-        if settings.udim:
-            layout.prop(settings, "tiles")
-        layout.prop(settings, "storage")
-        if settings.storage == Storage.FILE:
-            draw_props(layout, settings, "output", "alpha", "mip_files")
-        layout.prop(settings, "material")
+        rows.search(layout, "image", bpy.data, "images", results_are_suggestions=True)
+        rows.prop(layout, "depth", expand=True)
+        rows.prop(layout, "udim")
+        if rows["udim"]:
+            rows.prop(layout, "tiles")
+        rows.prop(layout, "storage")
+        if rows["storage"] == Storage.FILE:
+            rows.prop(layout, "output", "alpha", "mip_files")
+        rows.prop(layout, "material")
         row = layout.row()
-        row.enabled = settings.material
-        row.prop(settings, "single_user")
-        draw_props(layout, settings, "one_material", "show_result", "export")
+        row.enabled = rows["material"]
+        rows.prop(row, "single_user")
+        rows.prop(layout, "one_material")
+        layout.prop(context.scene.imprint, "show_result")
+        rows.prop(layout, "export")
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):
@@ -315,9 +300,9 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        rays, measured = context.scene.imprint.chosen(context).rays, distances(results.of(context))
-        rays.extrusion, rays.max_distance = measured["extrusion"], measured["max_distance"]
-        rays.measure = False
+        rows = Rows(context)
+        for name, value in {**distances(results.of(context)), "measure": False}.items():
+            setattr(rows.owner(name), name, value)
         return {"FINISHED"}
 
 
@@ -369,30 +354,58 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene.imprint.chosen(context).rays.method != Method.FLATTEN
+        return Rows(context)["method"] != Method.FLATTEN
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        layout = split_layout(layout)
-        settings = context.scene.imprint
-        chosen = settings.chosen(context)
-        low, rays = chosen.low, chosen.rays
-        measured = context.window_manager.imprint_found
-        layout.prop(settings, "hit")
-        draw_props(layout, rays, "cage", "measure")
+        layout, rows = split_layout(layout), Rows(context)
+        low, measured = rows.chosen.low, context.window_manager.imprint_found
+        rows.prop(layout, "hit")
+        if rows.set is None:  # a part of a set has its cage in the list of parts
+            rows.prop(layout, "cage")
+        rows.prop(layout, "measure")
         column = layout.column(align=True)
-        if rays.measure:
+        if rows["measure"]:
             column.enabled = False
             draw_props(column, measured, "extrusion", "max_distance")
             layout.operator("imprint.freeze_distances", icon="FREEZE")
         else:
-            draw_props(column, rays, "extrusion", "max_distance")
+            rows.prop(column, "extrusion", "max_distance")
         layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
-        layout.prop(settings, "directions")
+        rows.prop(layout, "directions")
         if low is not None and low.type == "MESH":
-            for name in ("offset_group", "straight_group"):
-                layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")
+            rows.search(layout, "offset_group", low, "vertex_groups", icon="GROUP_VERTEX")
             layout.operator("imprint.propose_weights", icon="MOD_VERTEX_WEIGHT")
-        draw_props(layout, settings, "facing_only", "missed", "mask")
+        rows.prop(layout, "missed", "mask")
+
+
+class IMPRINT_PT_more_settings(SettingsPanel, bpy.types.Panel):
+    """What few bakes need: an engine sets it, or its default fits."""
+
+    bl_idname = "IMPRINT_PT_more_settings"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "More Settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        rows = Rows(context)
+        draw_group(layout, context, rows, RARE)
+        layout = split_layout(layout)
+        is_tangent = rows["space"] == Space.TANGENT
+        column = layout.column(align=True)
+        column.active = is_tangent
+        rows.prop(column, "basis")
+        rows.prop(layout.column(align=True), "red", "green", "blue")
+        rows.prop(layout, "appearance", "exact_materials", "bias_angle", "floor", "facing_only")
+        low = rows.chosen.low
+        if low is not None and low.type == "MESH":
+            rows.search(layout, "straight_group", low, "vertex_groups", icon="GROUP_VERTEX")
+        row = layout.row()
+        row.active = rows["depth"] == "8"
+        rows.prop(row, "dither")
+        _draw_switched(layout, rows, "value_range", label("Set Range"))
+        column = layout.column(align=True)
+        column.active = is_tangent
+        rows.prop(column, "targets")
 
 
 # Blender draws them in the order of registration.
@@ -403,8 +416,7 @@ CLASSES = (
     IMPRINT_PT_packing,
     IMPRINT_PT_map,
     IMPRINT_PT_rays,
-    IMPRINT_PT_channels,
-    IMPRINT_PT_targets,
     IMPRINT_PT_output,
+    IMPRINT_PT_more_settings,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 
 import addon
-from addon.ui import bake_panel, check_panel
+from addon.ui import check_panel
 from addon.ui.texts import SidebarPanel
 
 
@@ -31,6 +31,7 @@ class Layout:
                 files=[],
                 red=[],
                 order=[],
+                rows=[],
             )
         )
         self._is_above_enabled = self._is_enabled = enabled
@@ -114,13 +115,17 @@ class Layout:
         getattr(getattr(bpy.ops, group), operator).get_rna_type()  # raises an error without it
         self.drawn.files.append((name, open))
 
-    def template_list(self, list_type, _, data, name, active_data, active_name, **__):
-        assert hasattr(bpy.types, list_type)
+    def template_list(self, list_type, _, data, name, active_data, active_name, *, rows=5, **__):
+        """All items, also those that Blender would draw when the list is scrolled."""
+        kind = LISTS[list_type]
         assert {name} <= set(data.bl_rna.properties.keys())
         self._note(name)
+        self.drawn.rows.append((name, rows))
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
-        for item in getattr(data, name):
-            bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+        shown, items = SimpleNamespace(bitflag_filter_item=1, filter_name=""), list(getattr(data, name))
+        flags = kind.filter_items(shown, bpy.context, data, name)[0] if hasattr(kind, "filter_items") else []
+        for item in (item for item, flag in zip(items, flags or [1] * len(items), strict=True) if flag):
+            kind.draw_item(None, bpy.context, Layout(self.drawn), data, item, 0, active_data, active_name)
 
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS
@@ -150,6 +155,12 @@ PANELS = [
     if issubclass(cls, SidebarPanel) and cls is not check_panel.IMPRINT_PT_checks
 ]
 """The panels in the order in which they are registered, without that of the checks."""
+LISTS = {
+    cls.__name__: cls
+    for module in addon.modules()
+    for cls in getattr(module, "CLASSES", ())
+    if issubclass(cls, bpy.types.UIList)
+}
 
 
 def context_of(width, ui_scale=1.0):

@@ -87,7 +87,9 @@ def test_the_panel_names_all_images(settings):
     drawn = draw()
     assert drawn.icons[drawn.labels.index("lo_ao")] == "FILE_REFRESH"
     settings.storage, settings.output = "FILE", "maps/{low}.png"
-    assert "lo_ao (lo_ao.png)" in draw().labels
+    drawn = draw(width=2000)
+    assert {"maps/", "lo_ao.png", "lo_normal (lo.png)"} <= set(drawn.labels)
+    assert "to the file 'maps/lo.png'." in drawn.text
 
 
 def test_a_bake_takes_the_settings_of_its_arguments():

@@ -53,13 +53,14 @@ if LOCALE != "en":
 
 import addon  # noqa: E402
 from addon.ui import settings_panels  # noqa: E402
+from addon.ui.setting_rows import Rows  # noqa: E402
 from addon.ui.texts import SidebarPanel  # noqa: E402
 from scripts.dev.manual import window as screen  # noqa: E402
 from tests.support import window, zoo  # noqa: E402
 
 GROUPS = {
     "bake": ("bake", "maps", "packing"),
-    "map": ("map", "rays", "channels", "targets", "output"),
+    "map": ("map", "rays", "output", "more_settings"),
     "results": ("pairs", "results", "report", "checks"),
     "more": ("view", "sequence", "levels", "convert"),
 }
@@ -72,9 +73,9 @@ class OtherMaps(SidebarPanel):
     bl_label = "Other Maps"
 
     def draw(self, context: bpy.types.Context) -> None:
-        for families in settings_panels.GROUPS.values():
-            names = [kind.name for kind in settings_panels.OTHERS if kind.family in families]
-            settings_panels.draw_group(self.layout, context, names, names)
+        rows = Rows(context)
+        for names in settings_panels.groups().values():
+            settings_panels.draw_group(self.layout, context, rows, names)
 
 
 def step() -> Iterator[float]:

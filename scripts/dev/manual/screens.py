@@ -17,7 +17,7 @@ PANEL_SCALE = 1.3
 """Blender's interface in the pictures of panels, larger than usual."""
 EDGE, TOP = 8, 500
 """Left margin of the sidebar, and height of its part down to the box below Live, in pixels at a scale of 1."""
-BELOW = {"IMPRINT_PT_map": "IMPRINT_PT_channels", "IMPRINT_PT_maps": "IMPRINT_PT_packing"}
+BELOW = {"IMPRINT_PT_maps": "IMPRINT_PT_packing"}
 """Panels with a panel below them that is shown as well."""
 PANELS = ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence", "convert", "levels")
 """The panels that have a picture of their own."""
