@@ -22,7 +22,7 @@ from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.sentences import WRONG, Sentence
 from ..core.settings import Run, Settings, TracingSettings
-from ..engine import coverage, gpu_memory, margins, mip_levels
+from ..engine import gpu_memory, margins, mip_levels
 from ..engine.baking import texels_of
 from ..engine.bands import DrawnMaps
 from ..mesh.triangle_mesh import Mesh
@@ -79,7 +79,7 @@ class Atlas:
         """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
         last = self.drawn[-1].timings
         baked = [
-            shared_image.part_of(each.meshes.low, each.meshes.uv_layer, is_own_base=each.meshes.is_own_base)
+            shared_image.part_of(each.meshes, each.request.job.material, each.request.settings.sampling.samples)
             for each in self.drawn
         ]
         with last.in_total(), Outputs(self.settings, baked, self.kept.parts, self.kept.tiles) as outputs:
@@ -116,7 +116,7 @@ class Atlas:
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        lows = [*self._lows, *self.kept.lows]
+        lows = [*self._lows, *self.kept.meshes]
         post_processes = margins.for_maps(lows, self.settings, has_owner=bool(self.kept))
         margin = texels = 0
         with gpu_memory.trimmed():
@@ -167,11 +167,11 @@ class Atlas:
 
     def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
         """The texels (height, width) bool of a tile that low objects have which are not baked."""
-        is_covered = coverage.covered(self.kept.lows, tile, self.drawn[0].request.settings.sampling)
+        is_covered = self.kept.covered(tile, self.drawn[0].request.settings.sampling)
         is_hit = maps[NORMAL.name][..., 3] > 0.0
         lost = np.count_nonzero(is_hit & is_covered)
         if lost > MOST_TAKEN * np.count_nonzero(is_hit):
-            names = [shorten_list(repr(low.name) for low in lows) for lows in (self._lows, self.kept.lows)]
+            names = [shorten_list(repr(low.name) for low in lows) for lows in (self._lows, self.kept.meshes)]
             raise BakeError(
                 f"{names[0]} and {names[1]}, which the image has already, have the same texels: choose another name for "
                 "the image, or give them UV maps side by side and bake all of them together."

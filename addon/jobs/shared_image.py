@@ -5,39 +5,57 @@ The texels of a low object, with its margin, stay to the bit while another one i
 could not, the bake is refused before it starts.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
+import numpy as np
 
 from ..core import udim
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, Kind
-from ..core.settings import Settings
+from ..core.settings import SamplingSettings, Settings
+from ..engine import coverage
 from ..mesh import uv_layout
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, map_names, shared_maps, value_encoding
 from ..output.shared_maps import Part
 from ..scene import evaluation, object_checks, reading
+from ..scene.high_materials import MaterialSet, restricted, sets_of
 from .job import Job, users_of_image
 
 
 @dataclass(frozen=True)
 class Kept:
-    """The parts of each map that are not baked, by the map's name, and their low meshes with UVs.
+    """The parts of each map that are not baked, by the map's name.
 
     Attributes:
         tiles: Of each map, in which their texels were found.
+        lows: Their low meshes with UVs.
     """
 
     parts: dict[str, list[Part]] = field(default_factory=dict)
     tiles: dict[str, list[int]] = field(default_factory=dict)
-    lows: list[Mesh] = field(default_factory=list)
+    lows: dict[Part, Mesh] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.lows)
+
+    @property
+    def meshes(self) -> list[Mesh]:
+        """Each of `lows` once."""
+        return list({id(low): low for low in self.lows.values()}.values())
+
+    def covered(self, tile: int, sampling: SamplingSettings) -> np.ndarray:
+        """The texels (height, width) bool of a tile that they have, by the samples with which they were baked."""
+        is_covered = np.zeros(sampling.size[::-1], bool)
+        for samples in {part.samples for part in self.lows}:
+            lows = [low for part, low in self.lows.items() if part.samples == samples]
+            is_covered |= coverage.covered(lows, tile, replace(sampling, samples=samples or sampling.samples))
+        return is_covered
 
 
 def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *, is_shared: bool = False) -> Kept:
@@ -49,12 +67,11 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
     search, parts, tiles = _Search(context, jobs, settings), {}, {}
     for name, of_map in map_names.settings_by_map(settings).items():
         others = list(search.others(of_map, is_shared=is_shared))
-        shared_maps.check_room(map_names.output_for(of_map), len(set(search.lows)) + len(others))
+        shared_maps.check_room(map_names.output_for(of_map), len(jobs) + len(others))
         if others:
             parts[name] = others
             tiles[name] = _check(name, of_map, others, [search.found[part] for part in others], search)
-    lows = {id(search.found[part]): search.found[part] for others in parts.values() for part in others}
-    return Kept(parts, tiles, list(lows.values()))
+    return Kept(parts, tiles, {part: search.found[part] for others in parts.values() for part in others})
 
 
 def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: str) -> None:
@@ -69,9 +86,21 @@ def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: 
             )
 
 
-def part_of(low: Mesh, uv_layer: str, *, is_own_base: bool) -> Part:
-    """The part of a low mesh that is baked."""
-    return Part.of(low.name, uv_layer, low.uv, is_own_base=is_own_base)
+def part_of(meshes: Meshes, material: str = "", samples: int = 1) -> Part:
+    """The part of a low mesh that is baked. material: the name of that of its faces; empty for all of them."""
+    low = meshes.low
+    return Part.of(
+        low.name,
+        meshes.uv_layer,
+        low.uv[np.unique(low.triangles)] if material else low.uv,
+        is_own_base=meshes.is_own_base,
+        material=material,
+        samples=samples if samples > 1 else 0,
+    )
+
+
+Faces = tuple[bpy.types.Object, MaterialSet | None]
+"""A low object, and which of its faces are in a map; None for all."""
 
 
 class _Search:
@@ -82,78 +111,155 @@ class _Search:
         self.lows = [job.low for job in jobs]
         self.found: dict[Part, Mesh] = {}
         self._own: list[tuple[Part, Mesh]] | None = None
-        self._known: dict[tuple[int, str, bool], tuple[Part, Mesh]] = {}
+        self._known: dict[tuple[int, str, bool, MaterialSet | None], tuple[Part, Mesh]] = {}
+        self._by_name: dict[str, list[bpy.types.Object]] = {}
 
     def others(self, of_map: Settings, *, is_shared: bool) -> Iterator[Part]:
         """The parts of a map that are not baked, as they are in this file. Raises BakeError for one that is not in it."""
         name = of_map.storing.image
         in_image, in_files = shared_maps.parts_of_image(name), shared_maps.parts_of_files(of_map)
-        users = list(users_of_image(name))
-        for part in shared_maps.joined(in_files, in_image):
-            if part.name in {low.name for low in self.lows}:
-                continue
-            obj = _object(part.name) or self._of_layout(part, users)
-            if obj is not None:
-                if obj not in self.lows:
-                    yield self._kept(obj, of_map, part.uv_layer, part.is_own_base)
-            elif part in in_files and part.layout not in {own.layout for own, _ in self.baked()}:
+        parts = shared_maps.joined(in_files, in_image)
+        written = Counter((job.low.name, job.material) for job in self.jobs)
+        if parts and not Counter((part.name, part.material) for part in parts) - written:
+            return
+        users, kept, lost = list(users_of_image(name)), [], []
+        for part in parts:
+            is_sure = any(part.is_same(known) for known in in_image)
+            faces = self._find(part, parts, users, is_sure=is_sure)
+            if faces is not None and faces not in kept:
+                kept.append(faces)
+                if not self._is_baked(*faces):
+                    yield self._kept(*faces, of_map, part)
+            elif faces is None and part in in_files:
+                why = "whose UVs are others in this file" if self._objects(part.name) else "which is not in this file"
                 raise BakeError(
-                    f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, which is not in this file, and "
+                    f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, {why}, and "
                     "would lose it: choose another name for the map, or delete that file first."
                 )
-        if is_shared and not in_image and not in_files:
-            yield from (self._kept(obj, of_map) for obj in users if obj not in self.lows)
+            elif faces is None:
+                lost.append(part)
+        if lost or (is_shared and not parts):  # what was noted may have another name and other UVs now
+            known = [obj for obj, _ in kept]
+            for faces in ((obj, self._texture_set(obj)) for obj in users if obj not in known):
+                if not self._is_baked(*faces):
+                    yield self._kept(*faces, of_map, Part("", "", False, 0))
 
     def baked(self) -> list[tuple[Part, Mesh]]:
         """The low objects that are baked."""
         if self._own is None:
-            self._own = [self._part(job.low, self.settings.map.uv_layer, job.low in job.highs) for job in self.jobs]
+            layer = self.settings.map.uv_layer
+            self._own = [self._part(job.low, layer, job.low in job.highs, job.texture_set) for job in self.jobs]
         return self._own
 
-    def _of_layout(self, part: Part, users: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
-        """The user of an image that has the UVs of a part: it was renamed."""
-        for obj in users:
-            with suppress(BakeError):  # without UVs, it is another one
-                if self._read(obj, part.uv_layer, part.is_own_base)[0].layout == part.layout:
-                    return obj
-        return None
+    def _is_baked(self, obj: bpy.types.Object, faces: MaterialSet | None) -> bool:
+        """Whether these faces of an object are baked, or there are none."""
+        own = [job for job in self.jobs if job.low == obj]
+        if any(job.texture_set is None for job in own) or (faces is not None and not faces.slots):
+            return True
+        names = {faces.name} if faces is not None else _materials(obj, own)
+        return bool(names) and names <= {job.material for job in own}
 
-    def _kept(self, obj: bpy.types.Object, of_map: Settings, uv_layer: str = "", is_own_base: bool = False) -> Part:
-        """The part of an object that is not baked, whose mesh is noted. Raises BakeError if it has no UVs any more."""
+    def _texture_set(self, obj: bpy.types.Object) -> MaterialSet | None:
+        """The faces of an object that the map may have, of which nothing is noted: those with the material that is baked."""
+        material = self.jobs[0].material
+        sets = sets_of(obj, is_own_base=False) if material else []
+        return next((one for one in sets if one.name == material), MaterialSet(material, ()) if material else None)
+
+    def _find(
+        self, part: Part, parts: Sequence[Part], users: Sequence[bpy.types.Object], *, is_sure: bool
+    ) -> Faces | None:
+        """The faces of a part: of the object of its name, or of one with its UVs that was renamed. None if they are not there.
+
+        parts: of the same map; one whose UVs the object has is that one, if names were swapped. is_sure: whether it is the part
+        with other UVs, too.
+        """
+        named = self._objects(part.name)
+        edited = None
+        for obj in named:
+            for faces in _candidates(obj, part):
+                layout = self._layout(obj, part, faces)
+                if layout == part.layout:
+                    return obj, faces
+                is_meant = faces is None or faces.name == part.material
+                if edited is None and is_meant and all(layout != other.layout for other in parts):
+                    edited = obj, faces
+        if edited is not None and (is_sure or self._is_baked(*edited)):
+            return edited
+        for obj in (*users, *self.lows):
+            for faces in _candidates(obj, part):
+                if self._layout(obj, part, faces) == part.layout:
+                    return obj, faces
+        is_worn_no_more = bool(named) and part.material and edited is None
+        return (named[0], MaterialSet(part.material, ())) if is_worn_no_more else None
+
+    def _objects(self, name: str) -> list[bpy.types.Object]:
+        """The meshes of a name: those of libraries may have the same."""
+        if not self._by_name:
+            for obj in bpy.data.objects:
+                if obj.type == "MESH" and not object_checks.is_deleted(obj):
+                    self._by_name.setdefault(obj.name, []).append(obj)
+        return self._by_name.get(name, []) if name else []
+
+    def _layout(self, obj: bpy.types.Object, part: Part, faces: MaterialSet | None) -> int | None:
+        """The checksum of the UVs of faces; None without UVs."""
         try:
-            part, mesh = self._read(obj, uv_layer, is_own_base)
+            return self._read(obj, part.uv_layer, part.is_own_base, faces)[0].layout
+        except BakeError:
+            return None
+
+    def _kept(self, obj: bpy.types.Object, faces: MaterialSet | None, of_map: Settings, noted: Part) -> Part:
+        """The part of an object that is not baked, as it is now, whose mesh is noted. Raises BakeError if it has no UVs any
+        more."""
+        try:
+            part, mesh = self._read(obj, noted.uv_layer, noted.is_own_base, faces)
         except BakeError as error:
             raise BakeError(
                 f"{_place(of_map)} also has the map of {obj.name!r}, whose texels cannot be told "
                 f"({str(error).removesuffix('.')}): mend or delete that object, or choose another name for the map."
             ) from error
+        part = replace(part, samples=noted.samples)
         self.found[part] = mesh
         return part
 
-    def _read(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
+    def _read(
+        self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool, faces: MaterialSet | None
+    ) -> tuple[Part, Mesh]:
         """An object as a part with that UV map, or with another one if it has that no more."""
-        key = obj.session_uid, uv_layer, is_own_base
+        key = obj.session_uid, uv_layer, is_own_base, faces
         if key not in self._known:
             try:
-                self._known[key] = self._part(obj, uv_layer, is_own_base)
+                self._known[key] = self._part(obj, uv_layer, is_own_base, faces)
             except BakeError:
-                self._known[key] = self._part(obj, "", False)
+                self._known[key] = self._part(obj, "", False, faces)
         return self._known[key]
 
-    def _part(self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool) -> tuple[Part, Mesh]:
-        settings = self.settings.mapped(uv_layer=uv_layer, space=Space.OBJECT, texture_sets=False)
+    def _part(
+        self, obj: bpy.types.Object, uv_layer: str, is_own_base: bool, faces: MaterialSet | None
+    ) -> tuple[Part, Mesh]:
+        settings = self.settings.mapped(uv_layer=uv_layer, space=Space.OBJECT, texture_sets=faces is not None)
         meshes = evaluation.evaluate(
             self.context,
             [obj],
             lambda depsgraph: reading.read_low(depsgraph, obj, None, settings, is_own_base=is_own_base),
             modifiers=settings.map.modifiers,
         )
-        return part_of(meshes.low, meshes.uv_layer, is_own_base=is_own_base), meshes.low
+        if faces is not None:
+            meshes = restricted(meshes, faces)
+        return part_of(meshes, faces.name if faces is not None else ""), meshes.low
 
 
-def _object(name: str) -> bpy.types.Object | None:
-    obj = bpy.data.objects.get(name) if name else None
-    return obj if obj is not None and obj.type == "MESH" and not object_checks.is_deleted(obj) else None
+def _candidates(obj: bpy.types.Object, part: Part) -> list[MaterialSet | None]:
+    """The faces of an object that may be a part, those of the same material first."""
+    whole: list[MaterialSet | None] = [None] if not part.material else []
+    if part.name and not part.material:
+        return whole
+    sets = sets_of(obj, is_own_base=part.is_own_base)
+    return whole + sorted(sets, key=lambda one: one.name != part.material)
+
+
+def _materials(obj: bpy.types.Object, jobs: Sequence[Job]) -> set[str]:
+    """The materials of a low object of jobs; none without a job."""
+    return {one.name for job in jobs[:1] for one in sets_of(obj, is_own_base=job.low in job.highs)}
 
 
 def _place(of_map: Settings) -> str:

@@ -111,7 +111,7 @@ class MapWriter:
         kept: Sequence[Part] = (),
         kept_tiles: Collection[int] = (),
     ):
-        self.parts, self.has_kept = shared_maps.joined(baked, kept), bool(kept)
+        self.parts, self.has_kept = [*baked, *kept], bool(kept)
         self._kept_tiles = kept_tiles
         self.name, self.settings = settings.storing.image or name_for(low_name, settings.storing), settings
         self.is_normal, self.is_packed, self.is_gray = is_normal, is_packed, is_gray

@@ -5,13 +5,13 @@ An image has the record of its parts in a custom property, a file in its metadat
 texels it has to keep, also in another scene.
 """
 
+import functools
 import json
 import os
 import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
-from functools import partial
 from pathlib import Path
 
 import bpy
@@ -30,43 +30,48 @@ RECORD = "imprint_low"
 PNG_START = b"\x89PNG"
 LONGEST_IN_TARGA = 320
 """Bytes of a record in a Targa file, whose comment has four lines of 80 letters. Of a longer one, only checksums are kept."""
+NUMBERS_OF_SAMPLES = [2**power for power in range(7)]
+"""Those that a record can have: files hold anything."""
 MOST_IN_TARGA = 29
 """Parts whose checksums have room there: each takes up to 10 digits and a comma, and the list two brackets."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A low object in a map.
+    """A low object in a map, or its faces with one material.
 
     Attributes:
         uv_layer: Of its UVs there.
         is_own_base: Whether these are of its mesh without modifiers.
         layout: A checksum of the UVs, by which it is known if it was renamed. Names are empty where only that was kept.
         name: Of the low object.
+        material: The name of that of its faces; empty for all of them.
+        samples: Of a texel, which decide the texels at its borders; 0 for those of the bake that asks.
     """
 
     name: str
     uv_layer: str
     is_own_base: bool
     layout: int
+    material: str = ""
+    samples: int = 0
 
     @classmethod
-    def of(cls, name: str, uv_layer: str, uv: np.ndarray, *, is_own_base: bool) -> "Part":
-        """The part of a low mesh with the UVs (C, 2) float32."""
-        return cls(name, uv_layer, is_own_base, zlib.crc32(np.ascontiguousarray(uv)))
+    def of(
+        cls, name: str, uv_layer: str, uv: np.ndarray, *, is_own_base: bool, material: str = "", samples: int = 0
+    ) -> "Part":
+        """The part of a low mesh with the UVs (C, 2) float32, of the corners of its faces."""
+        return cls(name, uv_layer, is_own_base, zlib.crc32(np.ascontiguousarray(uv)), material, samples)
 
     def is_same(self, other: "Part") -> bool:
         """Whether both are of one low object."""
-        return bool(self.name and self.name == other.name) or self.layout == other.layout
+        is_named = bool(self.name) and (self.name, self.material) == (other.name, other.material)
+        return is_named or self.layout == other.layout
 
 
-def joined(parts: Iterable[Part], more: Iterable[Part]) -> list[Part]:
-    """`parts`, and those of `more` that are not among them."""
-    unique = list(parts)
-    for part in more:
-        if not any(part.is_same(known) for known in unique):
-            unique.append(part)
-    return unique
+def joined(parts: Sequence[Part], more: Iterable[Part]) -> list[Part]:
+    """The parts of a record, and those of another one that are not in it."""
+    return [*parts, *(part for part in more if not any(part.is_same(known) for known in parts))]
 
 
 def listed(parts: Sequence[Part]) -> str:
@@ -76,7 +81,8 @@ def listed(parts: Sequence[Part]) -> str:
 
 def to_text(parts: Sequence[Part], path: str | Path = "") -> str:
     """The record of parts in ASCII; empty for none. path: the file that it is for, in which it must have room."""
-    text = json.dumps([astuple(part) for part in parts], separators=(",", ":")) if parts else ""
+    items = [astuple(part)[: 6 if part.samples else 5 if part.material else 4] for part in parts]
+    text = json.dumps(items, separators=(",", ":")) if parts else ""
     is_targa = bool(path) and file_formats.of(path) is file_formats.TARGA
     if is_targa and len(text) > LONGEST_IN_TARGA:
         return json.dumps([part.layout for part in parts], separators=(",", ":"))
@@ -105,6 +111,12 @@ def _part(item: object) -> Part | None:
     match item:
         case [str(name), str(uv_layer), bool(is_own_base), int(layout)]:
             return Part(name, uv_layer, is_own_base, layout)
+        case [str(name), str(uv_layer), bool(is_own_base), int(layout), str(material)]:
+            return Part(name, uv_layer, is_own_base, layout, material)
+        case [str(name), str(uv_layer), bool(is_own_base), int(layout), str(material), int(samples)] if (
+            samples in NUMBERS_OF_SAMPLES
+        ):
+            return Part(name, uv_layer, is_own_base, layout, material, samples)
         case int(layout):
             return Part("", "", False, layout)
     return None
@@ -130,7 +142,7 @@ def parts_of_files(settings: Settings) -> list[Part]:
     if not path:
         return []
     paths = udim.files(path).values() if udim.TOKEN in path else [path] if os.path.isfile(path) else []
-    return joined([], (part for each in paths for part in _from_text(image_file.note_of(each))))
+    return functools.reduce(joined, (_from_text(image_file.note_of(each)) for each in paths), [])
 
 
 @dataclass(frozen=True)
@@ -164,7 +176,7 @@ def stored(settings: Settings, tile: int) -> Stored | None:
         return None
     # What is written here shows in its pixels: in which depth it was packed does not matter.
     return Stored(
-        where, Format(tuple(image.size), wanted(settings).depth, image.is_float), partial(_pixels, image.name)
+        where, Format(tuple(image.size), wanted(settings).depth, image.is_float), functools.partial(_pixels, image.name)
     )
 
 
@@ -212,7 +224,7 @@ def wanted(settings: Settings) -> Format:
 
 
 def _in_file(path: Path) -> Stored:
-    return Stored(f"The file {str(path)!r}", image_file.format_of(path), partial(image_file.read, path))
+    return Stored(f"The file {str(path)!r}", image_file.format_of(path), functools.partial(image_file.read, path))
 
 
 def _in_tile(content: bytes | Path, where: str) -> Stored:
