@@ -48,9 +48,7 @@ class BakeOperator(modal.MapOperator):
             bake_results.show_bake(context, reports)
         if isinstance(result, Several):
             results.keep_batch(Batch(result.left_out, sorted({report.low for report in reports})))
-            for name, reason in result.left_out:
-                if (low := bpy.data.objects.get(name)) is not None:
-                    object_pairs.keep_failure(low, reason)
+            for _, reason in result.left_out:
                 self.report({"WARNING"}, in_window(reason)[0])
 
 

@@ -288,6 +288,7 @@ def why_missing(name: str) -> str:
 def remember(reports: Sequence[Report]) -> None:
     """Keep the reports of a bake, and the objects and settings that were baked, with their low objects."""
     by_low: dict[int, list[Report]] = {}
+    now = datetime.now(UTC).isoformat(timespec="microseconds")
     for report in reports:
         by_low.setdefault(report.refs[0].uid, []).append(report)
     for own in by_low.values():
@@ -304,15 +305,15 @@ def remember(reports: Sequence[Report]) -> None:
             own[0].settings,
             own[0].distances,
         )
-        keep_reports(low, own)
-        keep_failure(low, "")
+        keep_reports(low, own, now)
         part_state.keep(low, [report.state for report in own if report.state is not None])
+        keep_failure(low, "")
 
 
-def keep_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:
-    """Keep reports as the last result of a low object."""
+def keep_reports(low: bpy.types.Object, reports: Sequence[Report], now: str = "") -> None:
+    """Keep reports as the last result of a low object. now: the time, which all have that were baked together."""
     low.imprint.result = json.dumps([report.to_dict() for report in reports])
-    low.imprint.baked = datetime.now(UTC).isoformat(timespec="microseconds")
+    low.imprint.baked = now or datetime.now(UTC).isoformat(timespec="microseconds")
 
 
 def keep_failure(low: bpy.types.Object, why: str) -> None:

@@ -41,7 +41,10 @@ def batch() -> Batch:
 
 
 def keep_batch(made: Batch) -> None:
-    """Keep a bake of pairs, until another file is opened."""
+    """Keep a bake of pairs, until another file is opened; and with each low object why it was left out."""
+    for name, reason in made.left_out:
+        if (low := bpy.data.objects.get(name)) is not None:
+            object_pairs.keep_failure(low, reason)
     bpy.context.window_manager.imprint_batch = json.dumps(asdict(made))
 
 

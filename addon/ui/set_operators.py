@@ -13,12 +13,12 @@ from ..jobs.job import Wants
 from ..jobs.sets import SetJob
 from ..scene import object_checks
 from ..scene.object_checks import object_by_name
-from . import object_pairs, results, selection, sets
+from . import object_pairs, results, selection, sets, signs
 from .bake_operators import BakeOperator, Several
 from .modal import QuickOperator
 from .results import Batch
 from .sets import ImprintSet
-from .texts import labeled
+from .texts import labeled, message
 
 
 def _active(context: bpy.types.Context) -> ImprintSet:
@@ -304,7 +304,12 @@ class IMPRINT_OT_bake_sets(BakeOperator, bpy.types.Operator):
     )
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[Several]:
-        return (yield from bake_sets(context, _chosen(context, self.name), pace))
+        return (yield from bake_sets(context, _chosen(context, self.name), pace, changed=self.changed))
+
+    def finish(self, context: bpy.types.Context, result: Several) -> None:
+        super().finish(context, result)
+        if not result.reports:
+            self.report({"INFO"}, message("Nothing has changed: all maps show the scene as it is"))
 
 
 def _chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
@@ -316,8 +321,17 @@ def _chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]
     return list(zip(sets.resolve_all(context, chosen), wants, strict=True))
 
 
-def bake_sets(context: bpy.types.Context, chosen: Sequence[tuple[SetJob, Wants]], pace: Pace) -> Task[Several]:
-    """Bake sets. What cannot be baked is left out. Raises BakeError if nothing can be."""
+LOOKS = 0.1
+"""The share of the bar for looks at what has changed."""
+
+
+def bake_sets(
+    context: bpy.types.Context, chosen: Sequence[tuple[SetJob, Wants]], pace: Pace, *, changed: bool = False
+) -> Task[Several]:
+    """Bake sets. What cannot be baked is left out. Raises BakeError if nothing can be.
+
+    changed: only parts whose maps are not those of the scene as it is, which may be none.
+    """
     done = Several([], [one for set_job, _ in chosen for one in set_job.left_out])
 
     def noted(step: Progress) -> Progress:
@@ -327,18 +341,23 @@ def bake_sets(context: bpy.types.Context, chosen: Sequence[tuple[SetJob, Wants]]
 
     try:
         for number, (set_job, wants) in enumerate(chosen):
-            steps = part(
-                set_jobs.work(context, set_job, pace, wants=wants), number / len(chosen), (number + 1) / len(chosen)
-            )
+            start, end = number / len(chosen), (number + 1) / len(chosen)
+            begun = start + LOOKS * (end - start) if changed else start
+            only = (yield from part(signs.untrue(context, set_job), start, begun)) if changed else None
+            if only is not None and not only:
+                continue
+            steps = set_jobs.work(context, set_job, pace, only=only, wants=wants)
             try:
-                yield from relay(steps, noted)
+                yield from relay(part(steps, begun, end), noted)
             except BakeError as error:
+                for job in set_job.wanted(only):
+                    object_pairs.keep_failure(job.low, str(error))
                 if all(reason != str(error) for _, reason in done.left_out):
                     done.left_out.append(("", str(error)))
     except GeneratorExit:  # the maps that are done stay
         results.remember(done.reports)
         raise
-    if not done.reports:
+    if not done.reports and done.left_out:
         results.keep_batch(Batch(done.left_out))
         raise BakeError(done.left_out[0][1])
     return done

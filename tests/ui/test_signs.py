@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the signs of parts and sets: which updates mark them, how many looks follow, and what Bake Changed bakes."""
+
+import os
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.jobs.part_state import Status
+from addon.ui import sets, signs
+from addon.ui.signs import looks
+from tests.support.panel import select, use
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+NAMES = ("wheel", "door", "lamp")
+
+
+def pair(name, x):
+    """A low cube and a rounder high one, with a material of its own."""
+    bpy.ops.mesh.primitive_cube_add(location=(x, 0.0, 0.0))
+    low = bpy.context.object
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=6, location=(x, 0.0, 0.0))
+    high = bpy.context.object
+    low.name, high.name = f"{name}_low", f"{name}_high"
+    high.data.materials.append(bpy.data.materials.new(name))
+    return low, high
+
+
+@pytest.fixture
+def props():
+    """Three pairs by name, a set of them, and nothing selected."""
+    lows = [pair(name, 4.0 * number)[0] for number, name in enumerate(NAMES)]
+    select(lows[0])
+    use(size=32, samples="1", maps={"BASE_COLOR"}, storage="MEMORY")
+    one = bpy.context.scene.imprint_sets.add()
+    one.name, one.source = "Cart", "NAMES"
+    bpy.context.scene.imprint.bakes = "SETS"
+    return one
+
+
+def settle():
+    """Do all looks. Returns how many there were."""
+    bpy.context.view_layer.update()
+    before = looks.count
+    show()
+    while looks.advance(bpy.context, 10.0):
+        pass
+    looks.advance(bpy.context, 10.0)  # one more round of what Blender does not report
+    while looks.advance(bpy.context, 10.0):
+        pass
+    return looks.count - before
+
+
+def show():
+    """The signs of all parts of the set, by name, as rows ask for them."""
+    one = bpy.context.scene.imprint_sets[0]
+    return {low.name.partition("_")[0]: signs.of(bpy.context, low) for low in sets.lows(bpy.context, one)}
+
+
+def statuses():
+    return {name: sign.status for name, sign in show().items()}
+
+
+def set_sign():
+    return signs.of_set(bpy.context, bpy.context.scene.imprint_sets[0])
+
+
+def bake(**how):
+    assert bpy.ops.imprint.bake_sets(**how) == {"FINISHED"}
+
+
+def all_are(status):
+    return dict.fromkeys(NAMES, status)
+
+
+def test_parts_are_unknown_never_baked_then_true(props):
+    assert statuses() == all_are(Status.UNKNOWN)
+    assert signs.waiting(bpy.context) == "Looked at 0 of 3 parts"
+    settle()
+    assert statuses() == all_are(Status.NEVER)
+    assert set_sign().status == Status.NEVER
+    bake()
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    assert set_sign().status == Status.TRUE
+    assert signs.waiting(bpy.context) == ""
+
+
+def baked():
+    bake()
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_one_edit_is_one_look(props):
+    baked()
+    bpy.data.objects["door_high"].data.vertices[0].co.z += 0.3
+    bpy.context.view_layer.update()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.UNKNOWN}
+    assert settle() == 1
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    assert show()["door"].text == "Changed since the bake: the mesh of 'door_high'"
+    assert set_sign().status == Status.CHANGED
+    assert settle() == 0
+
+
+def on_disk(props, tmp_path):
+    """Bake the set to files. Returns their bytes by name."""
+    use(storage="FILE", output=str(tmp_path / "{low}.png"))
+    baked()
+    return files(tmp_path)
+
+
+def files(folder):
+    return {path.stem.partition("_")[0]: path.read_bytes() for path in folder.glob("*COL*")} or {
+        path.name: path.read_bytes() for path in folder.glob("*.png")
+    }
+
+
+def texels(name):
+    image = bpy.data.images[name]
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def grow(name, by=0.3):
+    bpy.data.objects[f"{name}_high"].data.vertices[0].co.z += by
+
+
+def test_bake_changed_bakes_these_alone(props, tmp_path):
+    use(storage="FILE", output=str(tmp_path / "{low}.png"))
+    baked()
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("*.png")}
+    assert len(before) == 6
+    for name in ("wheel", "lamp"):
+        grow(name)
+    bake(changed=True)
+    after = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("*.png")}
+    touched = {name for name in after if after[name] != before[name]}
+    assert {name.partition("_")[0] for name in touched} == {"wheel", "lamp"}
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    bake(changed=True)
+    assert {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("*.png")} == after
+
+
+EDITS = {
+    "mesh": lambda: grow("door"),
+    "move high": lambda: setattr(bpy.data.objects["door_high"].location, "z", 0.2),
+    "move low": lambda: setattr(bpy.data.objects["door_low"].location, "z", 0.2),
+    "modifier": lambda: bpy.data.objects["door_high"].modifiers.new("Solid", "SOLIDIFY"),
+    "material": lambda: setattr(
+        bpy.data.materials["door"].node_tree.nodes["Principled BSDF"].inputs["Base Color"],
+        "default_value",
+        (1.0, 0.0, 0.0, 1.0),
+    ),
+    "deleted": lambda: bpy.data.objects.remove(bpy.data.objects["door_high"]),
+    "size": lambda: setattr(bpy.data.objects["door_low"], "imprint_size", "256"),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_marks_the_part_that_reads_it(props, edit):
+    baked()
+    EDITS[edit]()
+    assert settle() == (0 if edit == "deleted" else 1)
+    if edit == "deleted":  # two objects that are called alike are the part
+        assert "door" not in statuses()
+    else:
+        assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+
+
+def test_what_is_no_change_for_a_bake_stays_true(props):
+    baked()
+    bpy.data.objects["door_high"].show_wire = True
+    bpy.data.objects["wheel_low"].select_set(False)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("new", None))
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_levels_for_renders_are_noticed(props):
+    subdivision = bpy.data.objects["door_high"].modifiers.new("Levels", "SUBSURF")
+    subdivision.levels = subdivision.render_levels = 1
+    baked()
+    subdivision.render_levels = 2  # Blender reports nothing
+    assert settle() == 1
+    assert statuses()["door"] == Status.CHANGED
+
+
+def test_a_shared_material_marks_all_its_parts(props):
+    shared = bpy.data.materials["door"]
+    for name in ("wheel", "lamp"):
+        bpy.data.objects[f"{name}_high"].material_slots[0].material = shared
+    baked()
+    shared.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    assert settle() == 3
+    assert statuses() == all_are(Status.CHANGED)
+
+
+def test_a_setting_of_the_scene_and_back(props):
+    baked()
+    use(margin=3)
+    settle()
+    assert statuses() == all_are(Status.CHANGED)
+    assert "Margin" in show()["door"].text
+    bpy.context.scene.imprint.property_unset("margin")
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_a_set_has_its_own_settings(props):
+    baked()
+    other = bpy.context.scene.imprint_sets.add()
+    other.name, other.source, other.own.width = "Large", "NAMES", 64
+    other.own.height = 64
+    settle()
+    assert set_sign().status == Status.TRUE
+    assert signs.of_set(bpy.context, other).status == Status.UNKNOWN
+    settle()
+    assert signs.of_set(bpy.context, other).status == Status.CHANGED
+
+
+def test_undo_and_redo(props):
+    bpy.context.preferences.edit.use_global_undo = True
+    bpy.ops.ed.undo_push(message="made")
+    baked()
+    bpy.ops.ed.undo_push(message="baked")
+    grow("door")
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="edited")
+    settle()
+    assert statuses()["door"] == Status.CHANGED
+    bpy.ops.ed.undo()
+    assert statuses() == all_are(Status.UNKNOWN)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    bpy.ops.ed.redo()
+    assert statuses() == all_are(Status.UNKNOWN)
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+
+
+def test_after_opening_all_is_unknown_then_right(props, tmp_path):
+    baked()
+    grow("door")
+    path = str(tmp_path / "cart.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert statuses() == all_are(Status.UNKNOWN)
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+
+
+def test_a_part_in_edit_mode_waits(props):
+    baked()
+    select(bpy.data.objects["door_high"])
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert settle() == 0
+    assert statuses()["door"] == Status.UNKNOWN
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert settle() == 1
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_a_failed_part_stays_failed_until_a_bake_works(props, tmp_path):
+    baked()
+    layers = bpy.data.objects["door_low"].data.uv_layers
+    layers.remove(layers[0])
+    bake()
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.FAILED}
+    assert "UV" in show()["door"].text
+    assert set_sign().status == Status.FAILED
+    bpy.data.objects["door_low"].name = "door_b_low"
+    bpy.data.objects["door_high"].name = "door_b_high"
+    settle()
+    assert statuses()["door"] == Status.FAILED
+    bpy.data.objects["door_b_low"].data.uv_layers.new()
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_the_sign_of_a_last_bake_has_its_settings(props):
+    baked()
+    use(margin=3)
+    low = bpy.data.objects["door_low"]
+    signs.of_past(bpy.context, low)
+    settle()
+    assert signs.of_past(bpy.context, low).text == "The maps show the scene as it is"
+    grow("door")
+    settle()
+    assert signs.of_past(bpy.context, low).text == "Changed since the bake: the mesh of 'door_high'"
+
+
+def test_a_file_that_another_program_writes(props, tmp_path):
+    image = bpy.data.images.new("paint", 8, 8)
+    image.filepath_raw, image.file_format = str(tmp_path / "paint.png"), "PNG"
+    image.save()
+    image.source = "FILE"
+    tree = bpy.data.materials["door"].node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    baked()
+    other = bpy.data.images.new("other", 8, 8)
+    other.pixels.foreach_set(np.full(256, 0.5, np.float32))
+    other.filepath_raw, other.file_format = image.filepath_raw, "PNG"
+    other.save()
+    assert settle() == 1
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    os.remove(image.filepath_raw)
+    assert settle() == 1
+    assert statuses()["door"] == Status.CHANGED
+
+
+def test_new_objects_of_a_name_make_a_part(props):
+    baked()
+    pair("mirror", 20.0)
+    assert settle() == 1
+    assert statuses() == all_are(Status.TRUE) | {"mirror": Status.NEVER}
+    high = bpy.data.objects["mirror_high"]
+    other = high.copy()
+    other.name = "door_high_bolt"
+    bpy.context.scene.collection.objects.link(other)
+    settle()
+    assert statuses()["door"] == Status.CHANGED
