@@ -317,6 +317,7 @@ def _chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]
     chosen = [one for one in context.scene.imprint_sets if (one.name == name if name else one.is_on)]
     if not chosen:
         raise BakeError(f"There is no set {name!r}." if name else "No set is on: switch one on, or add one.")
+    context.view_layer.update()  # a script may link or rename objects and bake without a redraw
     wants = [Wants(exported=bool(one.own.whole.export)) for one in chosen]
     return list(zip(sets.resolve_all(context, chosen), wants, strict=True))
 

@@ -12,7 +12,7 @@ cage, size, distance and the switch of a part are not here: its low object has t
 """
 
 import itertools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -213,22 +213,16 @@ def _numbered(name: str) -> Iterator[str]:
     yield from (f"{base}.{each:03}" for each in itertools.count(start + 1))
 
 
-def copy(
-    source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup, left_out: Collection[str] = ("name",)
-) -> None:
-    """Copy what is set in a group to another one of its kind."""
-    for prop in source.bl_rna.properties:
-        name = prop.identifier
-        if name in left_out or not source.is_property_set(name):
-            continue
-        value = getattr(source, name)
-        if prop.type == "COLLECTION":
-            for item in value:
-                copy(item, getattr(target, name).add(), ())
-        elif isinstance(value, bpy.types.PropertyGroup):
-            copy(value, getattr(target, name), ())
-        elif not prop.is_readonly:
-            setattr(target, name, value)
+def copy(source: ImprintSet, target: ImprintSet) -> None:
+    """Make a new set equal to another one, but for its name."""
+    for name in ("is_on", "source", "collection", "textures"):
+        setattr(target, name, getattr(source, name))
+    for part in source.parts:
+        item = target.parts.add()
+        item.object, item.called = part.object, part.called
+    # Those first that change others where these do not fit.
+    for name in sorted(source.own.names_of_own(), key=lambda name: name not in {"square", "storage", "output"}):
+        setattr(target.own, name, getattr(source.own, name))
 
 
 def active(context: bpy.types.Context) -> ImprintSet | None:

@@ -2,7 +2,7 @@
 """Writes a small .blend file as an older version of Imprint does, for tests/ui/test_properties.py.
 
     git worktree add ../older COMMIT
-    .venv/bin/python -m tests.support.older_file ../older tests/support/data/version_0.2.blend
+    .venv/bin/python -m tests.support.older_file ../older tests/support/data/version_0.3.blend
 
 The file has two scenes. All settings of "changed" have other values than their defaults; "baked" was baked by the button. What
 they had is in their custom property `expected`, as JSON, with the items of each list of choices in the order of their numbers.
@@ -16,6 +16,8 @@ import bpy
 import gpu
 
 SIZE = 16
+FORMER = {"readers"}
+"""Properties that stand for others of a later name."""
 
 
 def main(checkout: str, out: str) -> None:
@@ -64,7 +66,8 @@ def change(settings: bpy.types.PropertyGroup) -> None:
     """Give each setting another value than its default: the last item of choices, and numbers beside the default."""
     for setting in settings.bl_rna.properties:
         name = setting.identifier
-        if setting.is_readonly or name in {"name", "names", "size"}:  # these two follow from others
+        follows = name in {"names", "size", "engine"} or name.startswith("bakes_") or name.endswith("_length")
+        if setting.is_readonly or follows or name in {"name", *FORMER}:
             continue
         if setting.type == "ENUM":
             last = setting.enum_items[-1].identifier

@@ -1,11 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pair of a low object, which the file keeps: high objects, cage, method, distances and the last result."""
 
-import json
-import subprocess
-import sys
-import textwrap
-
 import bpy
 import numpy as np
 import pytest
@@ -14,8 +9,8 @@ from addon.core.settings import Settings
 from addon.ui import bake_results, object_pairs
 from addon.ui.bake_results import results
 from addon.ui.live import live
-from scripts.imprint import ROOT
 from tests.support import maps, zoo
+from tests.support.other_process import elsewhere
 from tests.support.panel import select, use
 from tests.support.panel_layout import draw
 
@@ -55,26 +50,6 @@ def save(path):
 
 def open_file(path):
     bpy.ops.wm.open_mainfile(filepath=str(path))
-
-
-def elsewhere(path, code):
-    """Run code in a new process with a file open. Returns what it stores in `found`."""
-    script = f"""
-        import json, sys
-        sys.path.insert(0, {str(ROOT)!r})
-        import bpy, addon
-        addon.register()
-        bpy.ops.wm.open_mainfile(filepath={str(path)!r})
-        from addon.ui import object_pairs
-        from addon.ui.bake_results import results
-        low = bpy.context.active_object
-    """
-    script = (
-        textwrap.dedent(script) + textwrap.dedent(code) + "\nprint('found: ' + json.dumps(found))\naddon.unregister()\n"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(next(line for line in done.stdout.splitlines() if line.startswith("found: "))[7:])
 
 
 def select_all():
