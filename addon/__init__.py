@@ -69,6 +69,7 @@ def modules() -> tuple[ModuleType, ...]:
     from .ui import (
         bake_operators,
         bake_panel,
+        bake_queue,
         bake_results,
         cage_overlay,
         callbacks,
@@ -115,6 +116,7 @@ def modules() -> tuple[ModuleType, ...]:
         gpu_button,
         bake_operators,
         set_operators,
+        bake_queue,
         pairs_panel,
         more_panels,
         bake_results,

@@ -174,6 +174,15 @@ class Gone:
     why: str = ""
 
 
+def in_blender(binary: str, program: str) -> list[str]:
+    """The words that run a program in Python. binary: of Blender, without interface and settings of the user; empty where
+    it is a package of this Python."""
+    if not binary:
+        return [sys.executable, "-c", program]
+    options = ["--background", "--factory-startup", "-noaudio", "--python-exit-code", "1"]
+    return [binary, *options, "--python-expr", program]
+
+
 class Process:
     """A process, and a connection to it. Raises OSError if it cannot be started.
 

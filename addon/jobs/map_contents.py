@@ -6,11 +6,12 @@ Images note that themselves, so that it goes with them into other files.
 
 import uuid
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from enum import StrEnum
 
 import bpy
 
-from ..output import datablocks
+from ..output import datablocks, journal
 from ..scene import content_keys
 
 MAP, CONTENT = "imprint_map", "imprint_content"
@@ -28,13 +29,35 @@ class Written(StrEnum):
 
 def note(images: Iterable[bpy.types.Image]) -> dict[str, str]:
     """Note what images show, as Imprint has just written it. Returns what tells their maps from others, by name."""
-    maps = {}
+    maps, images = {}, list(images)
     for image in images:
         image[CONTENT] = _content(image)
         if not image.get(MAP):
             image[MAP] = uuid.uuid4().hex[:12]
         maps[image.name] = image[MAP]
+    noting = journal.now()
+    if noting is not None:
+        packed = {image.name: image[CONTENT] for image in images if image.packed_files}
+        hashes = {path: content_keys.files.of(temporary).sha256 for path, temporary in noting.files.items()}
+        noting.note(note_as, maps, packed, hashes)
     return maps
+
+
+@journal.replayed
+def note_as(maps: Mapping[str, str], packed: Mapping[str, str], hashes: Mapping[str, str]) -> None:
+    """Note the same as another process has, where it is known without reading files.
+
+    Args:
+        maps: As `note` has returned them there.
+        packed: What packed images show.
+        hashes: The SHA-256 of files, by their paths.
+    """
+    for path, sha256 in hashes.items():
+        with suppress(OSError):
+            content_keys.files.learn(path, sha256)
+    for name, key in maps.items():
+        image = datablocks.get(name)
+        image[MAP], image[CONTENT] = key, packed.get(name) or _content(image)
 
 
 def look(low: bpy.types.Object | None, maps: Mapping[str, str]) -> dict[str, str]:

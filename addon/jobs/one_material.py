@@ -18,7 +18,7 @@ from ..core.material_feeds import Constant
 from ..core.naming import ATLAS
 from ..core.report import Report
 from ..core.settings import Settings, StorageSettings
-from ..output import materials
+from ..output import journal, materials
 from ..scene import evaluation, object_checks
 from ..scene.high_materials import sets_of
 from ..scene.materials import material_reading
@@ -36,6 +36,7 @@ _SURFACE = (
 """Settings of a material that the new one has where all others agree."""
 
 
+@journal.plain
 @dataclass(frozen=True)
 class Shown:
     """A low object with its maps."""
@@ -88,6 +89,7 @@ def _is_local(block: bpy.types.ID) -> bool:
     return block.is_editable and not block.override_library
 
 
+@journal.recorded
 def put(shown: Sequence[Shown], settings: Settings, name: str) -> list[str]:
     """Give all of `shown`, which share their images, one material with these. Returns warnings.
 

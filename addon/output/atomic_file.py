@@ -83,6 +83,11 @@ def check_folder(folder: Path) -> None:
     _Guard(folder).remove()
 
 
+def folders() -> list[Path]:
+    """The folders in which this process has reserved paths."""
+    return sorted({path.path.parent for path in tuple(_OURS)})
+
+
 def remove_all() -> None:
     """Remove all temporary files of this process, before it exits."""
     for path in tuple(_OURS):
@@ -243,13 +248,9 @@ class Partial:
     def commit(self) -> None:
         """Replace the file, in one step of the file system. Raises BakeError if that fails."""
         with self.writing():
-            replaced = _REPLACED.get()
-            if replaced is not None:
-                replaced.keep(self.path)
             if before_replacing is not None:
                 before_replacing(self.path, _made_for(self.path))
-            _copy_rights(self.path, self.temporary)
-            os.replace(self.temporary, self.path)
+            _replace(self.path, self.temporary)
         _NEW_FOLDERS.difference_update(self.path.parents)
         self._temporary.remove()
 
@@ -257,6 +258,21 @@ class Partial:
         """Remove the temporary file, and the folders that were made for it. After `commit` this does nothing."""
         self._temporary.remove()
         _remove_made(self.path)
+
+
+def put(temporary: str, path: str) -> None:
+    """Replace the file at `path` by one that another process wrote for it, as Partial.commit. Raises BakeError."""
+    with Partial(Path(path)).writing():
+        _replace(Path(path), Path(temporary))
+
+
+def _replace(path: Path, temporary: Path) -> None:
+    """Replace a file. Raises OSError if that fails."""
+    replaced = _REPLACED.get()
+    if replaced is not None:
+        replaced.keep(path)
+    _copy_rights(path, temporary)
+    os.replace(temporary, path)
 
 
 class _Old(NamedTuple):

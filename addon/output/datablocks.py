@@ -13,6 +13,7 @@ from ..core import udim
 from ..core.map_types import MARK, ORIGIN
 from ..core.naming import file_name
 from ..core.udim import TOKEN
+from . import journal
 
 OTHER_NAMES = {
     "sRGB": ("sRGB Encoded Rec.709 (sRGB)", "sRGB - Texture", "Utility - sRGB - Texture", "srgb_texture", "srgb_tx"),
@@ -79,6 +80,7 @@ def is_of_itself(name: str) -> bool:
     return image is not None and bool(image.get(ITSELF))
 
 
+@journal.recorded
 def set_source_objects(image: bpy.types.Image, highs: Iterable[str], lows: Iterable[str] = ()) -> None:
     """Store the names that `origin` returns. lows: the low objects of the map, for `is_of_itself`."""
     names = list(highs)
@@ -106,10 +108,27 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
     image.pixels.foreach_set(texels.reshape(-1))
     image.update()
     _keep(image)
-    if pack:
+    noting = journal.now()
+    if pack or noting is not None:
         image.pack()
     else:
         image[UNPACKED] = next(_numbers)
+    if noting is not None:
+        noting.note(show_packed, name, noting.keep(image.packed_file.data), color_space=color_space)
+    return image
+
+
+@journal.replayed
+def show_packed(name: str, path: str, *, color_space: str = "") -> bpy.types.Image:
+    """The image `name`, made if missing, packed, with the content of the file at `path`, as `fill` has packed it."""
+    image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
+    content = Path(path).read_bytes()
+    _forget_pixels(image)
+    image.source = "FILE"
+    image.filepath_raw = ""  # setting filepath would load the file
+    image.pack(data=content, data_len=len(content))
+    keep_values(image, color_space)
+    _keep(image)
     return image
 
 
@@ -121,6 +140,7 @@ def refill(image: bpy.types.Image, texels: np.ndarray, *, is_float: bool) -> Non
     image.update()
 
 
+@journal.replayed
 def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> bpy.types.Image:
     """The image `name`, made if missing, with the file at `path`, or with a tile for each file of a path with TOKEN.
 
@@ -142,6 +162,9 @@ def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> 
     for number in sorted(numbers - {tile.number for tile in image.tiles}):
         image.tiles.new(tile_number=number)
     _keep(image)
+    noting = journal.now()
+    if noting is not None:
+        noting.note(show, name, noting.keep_tiles(path) if pack else path, pack=pack, color_space=color_space)
     return image
 
 
@@ -188,8 +211,10 @@ def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
 
 def sources() -> Iterator[tuple[str, str]]:
     """The files that the open scene uses, except images in materials: absolute paths, and descriptions for messages."""
-    if bpy.data.filepath:
-        yield bpy.data.filepath, "the open file"
+    noting = journal.now()
+    path = bpy.data.filepath if noting is None else noting.file
+    if path:
+        yield path, "the open file"
     users = [(library, "a linked library") for library in bpy.data.libraries]
     users += [(cache, "a cache of the scene") for cache in bpy.data.cache_files]
     images = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
@@ -207,6 +232,7 @@ def pictures() -> Iterator[tuple[str, str]]:
             yield bpy.path.abspath(image.filepath, library=image.library), f"the image {image.name!r}"
 
 
+@journal.recorded
 def note_maps(low: bpy.types.Object, images: Iterable[bpy.types.Image]) -> None:
     """Make the low object a user of its maps, so that they follow it into other files, also those that no material shows.
 

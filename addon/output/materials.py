@@ -16,7 +16,7 @@ from ..core.declarations.choices import Space
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
 from ..core.settings import Settings
-from . import datablocks, map_nodes, shared_maps
+from . import datablocks, journal, map_nodes, shared_maps
 from .map_nodes import MapImage
 from .outputs import Stored
 from .tree_editing import Coordinates
@@ -169,6 +169,7 @@ def connect_maps(
     return _edit(low, connect, shown, single_user=single_user, slots=slots, is_own_base=is_own_base)
 
 
+@journal.recorded
 def into_materials(
     low: Object,
     stored: Stored,

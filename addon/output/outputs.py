@@ -25,7 +25,7 @@ from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT,
 from ..core.sentences import NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_file, map_names, shared_maps, value_encoding
+from . import atomic_file, datablocks, image_file, journal, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
 from .map_names import name_for, output_for, settings_by_map, stored_maps
 from .shared_maps import Part
@@ -120,6 +120,8 @@ class MapWriter:
         self._partials: dict[int, Partial] = {}
         self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
         self._written: list[Future] = []
+        self._are_handed_over = False
+        """Whether the files are a journal's."""
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
         """The path of the files, as Blender spells it. Empty without files."""
@@ -208,8 +210,13 @@ class MapWriter:
 
     def put_files(self) -> None:
         """Replace the files. Raises BakeError if that fails."""
+        noting = journal.now()
         for partial in self._partials.values():
-            partial.commit()
+            if noting is None:
+                partial.commit()
+            else:
+                noting.hand_over(partial)
+        self._are_handed_over = noting is not None
 
     def show(self) -> bpy.types.Image:
         """Put the added texels into the image, and return it."""
@@ -228,7 +235,7 @@ class MapWriter:
         """Remove temporary files. Can be called at any time, and more than once. A queue of several writers must be closed."""
         if self._is_own_queue:
             self._queue.close()
-        for partial in self._partials.values():
+        for partial in self._partials.values() if not self._are_handed_over else ():
             partial.discard()
         if self._folder:
             self._folder.cleanup()
@@ -306,6 +313,7 @@ HIDDEN_MISSES = Fix.MISS_MASK.after(
 """A warning."""
 
 
+@journal.plain
 @dataclass(frozen=True)
 class Stored:
     """The result of `Outputs.commit`.

@@ -21,7 +21,7 @@ from ..core import file_formats, foreach, udim
 from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
-from . import datablocks, image_file
+from . import datablocks, image_file, journal
 from .image_file import Format
 from .map_names import output_for
 
@@ -36,6 +36,7 @@ MOST_IN_TARGA = 29
 """Parts whose checksums have room there: each takes up to 10 digits and a comma, and the list two brackets."""
 
 
+@journal.plain
 @dataclass(frozen=True)
 class Part:
     """A low object in a map, or its faces with one material.
@@ -122,6 +123,7 @@ def _part(item: object) -> Part | None:
     return None
 
 
+@journal.recorded
 def note(image: bpy.types.Image, parts: Sequence[Part]) -> None:
     """Store the parts of a map in its image."""
     if parts:

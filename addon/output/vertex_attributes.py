@@ -12,7 +12,7 @@ from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, NORMAL, Kind, Map, MapType
 from ..core.settings import Settings
-from . import value_encoding
+from . import journal, value_encoding
 
 INWARD = 0.75
 """How far a corner moves into its face before its texel is read, in texels: more than half the diagonal of one."""
@@ -116,7 +116,6 @@ class VertexMaps:
         names = {}
         for name, samples in self._samples.items():
             names[name.lower()] = self._store(low, BY_NAME[name], samples)
-        mesh.update()
         return names, self._warnings(low)
 
     def _store(self, low: bpy.types.Object, map_type: MapType, samples: _Samples) -> str:
@@ -129,16 +128,12 @@ class VertexMaps:
         if map_type.kind is Kind.LABEL:  # the first value of a vertex has no fraction
             values = value_encoding.palette(int(values.max(initial=0.0)))[values[:, 0].astype(np.int32)]
         kind = _type_of(map_type)
-        attribute = _attribute(low, map_type, kind, self.settings.storing.vertex_domain)
         if kind == "FLOAT":
             values = values[:, 0]
         elif kind == "FLOAT_COLOR":
             values = np.concatenate([values, np.ones((len(values), 1), np.float32)], axis=1)
-        stored = np.empty(values.size, np.float32)
-        attribute.data.foreach_get(FIELDS[kind], stored)
-        stored.reshape(len(values), -1)[is_baked] = values.reshape(len(values), -1)[is_baked]
-        attribute.data.foreach_set(FIELDS[kind], stored)
-        return attribute.name
+        name, domain = map_type.suffix or NORMAL.name.lower(), self.settings.storing.vertex_domain
+        return put_values(low, name, values, is_baked, kind=kind, domain=str(domain))
 
     def _decoded(self, map_type: MapType, samples: _Samples) -> np.ndarray:
         """The values (C, 3); normals as x, y and z, whatever channels store them."""
@@ -221,10 +216,29 @@ def _type_of(map_type: MapType) -> str:
     return "FLOAT" if map_type.is_scalar else "FLOAT_COLOR"
 
 
-def _attribute(low: bpy.types.Object, map_type: MapType, kind: str, domain: str) -> bpy.types.Attribute:
+@journal.recorded
+def put_values(
+    low: bpy.types.Object, name: str, values: np.ndarray, is_baked: np.ndarray, *, kind: str, domain: str
+) -> str:
+    """Put values into an attribute where `is_baked` (N,) bool. Returns its name.
+
+    name: that it gets if it can. kind, domain: Blender's identifiers. values: (N,) or (N, 3 or 4) float32, of as many elements
+    as the mesh has; nothing happens if it has others by now.
+    """
+    if len(values) != len(low.data.vertices if domain == VertexDomain.POINT else low.data.loops):
+        return ""
+    attribute = _attribute(low, name, kind, domain)
+    stored = np.empty(values.size, np.float32)
+    attribute.data.foreach_get(FIELDS[kind], stored)
+    stored.reshape(len(values), -1)[is_baked] = values.reshape(len(values), -1)[is_baked]
+    attribute.data.foreach_set(FIELDS[kind], stored)
+    low.data.update()
+    return attribute.name
+
+
+def _attribute(low: bpy.types.Object, name: str, kind: str, domain: str) -> bpy.types.Attribute:
     """The attribute of a map. One of the same name that has another type or domain is replaced."""
     mesh = low.data
-    name = map_type.suffix or NORMAL.name.lower()
     attribute = mesh.attributes.get(name)
     if name in BUILT_IN or name in low.vertex_groups or (attribute is not None and attribute.data_type == UV_TYPE):
         name = PREFIX + name

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Maps in memory that survive saving, Undo and Redo."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 
@@ -21,6 +24,7 @@ class HeldMaps:
     def __init__(self):
         self._maps: dict[int, tuple[np.ndarray, bool]] = {}
         """The pixels (height, width, 4) float32, and whether the image is one of floats, by the number of the map."""
+        self._are_left_alone = False
         self._shown: dict[int, int] = {}
         """The number of the map in each image, by its session_uid."""
         events.hear(save_pre=self._before_saving, undo_post=self.put_back, redo_post=self.put_back, end=self.forget)
@@ -53,7 +57,17 @@ class HeldMaps:
 
     def _before_saving(self, *_) -> None:
         """A file would have an empty image in place of a map in memory."""
-        map_contents.pack_unpacked()
+        if not self._are_left_alone:
+            map_contents.pack_unpacked()
+
+    @contextmanager
+    def left_alone(self) -> Iterator[None]:
+        """Leave the maps in memory while a copy is saved that has no use for them."""
+        self._are_left_alone = True
+        try:
+            yield
+        finally:
+            self._are_left_alone = False
 
     def forget(self) -> None:
         """Hold nothing."""

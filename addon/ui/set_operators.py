@@ -304,7 +304,7 @@ class IMPRINT_OT_bake_sets(BakeOperator, bpy.types.Operator):
     )
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[Several]:
-        return (yield from bake_sets(context, _chosen(context, self.name), pace, changed=self.changed))
+        return (yield from bake_sets(context, chosen(context, self.name), pace, changed=self.changed))
 
     def finish(self, context: bpy.types.Context, result: Several) -> None:
         super().finish(context, result)
@@ -312,7 +312,7 @@ class IMPRINT_OT_bake_sets(BakeOperator, bpy.types.Operator):
             self.report({"INFO"}, message("Nothing has changed: all maps show the scene as it is"))
 
 
-def _chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
+def chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
     """The set of this name, or all that are on, as they are baked. Raises BakeError if there is none."""
     chosen = [one for one in context.scene.imprint_sets if (one.name == name if name else one.is_on)]
     if not chosen:

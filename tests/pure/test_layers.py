@@ -285,8 +285,8 @@ def test_software_renderers_are_recognized(renderer, expected):
     assert shader.is_software(renderer) == expected
 
 
-IN_A_SHELL = "cli", "flamenco", "core/declarations", "core/errors", "api"
-"""Below addon/: what only a shell shows, and the clauses that a window leaves out."""
+IN_A_SHELL = "cli", "flamenco", "core/declarations", "core/errors", "core/processes", "api"
+"""Below addon/: what only a shell shows or starts, and the clauses that a window leaves out."""
 
 
 def test_no_sentence_of_a_window_names_an_option():
