@@ -371,13 +371,18 @@ def _groups(
 
 def named(settings: Settings, job: Job, shared_name: str = "") -> Settings:
     """The settings with the names of the images of a job filled in. shared_name: as in `work`; empty if it has its own."""
-    if not shared_name:
-        return for_low(settings, job.low.name, job.material)
-    if not job.material:
+    if shared_name:
+        return for_shared(settings, shared_name, job.material)
+    return for_low(settings, job.low.name, job.material)
+
+
+def for_shared(settings: Settings, shared_name: str, material: str = "") -> Settings:
+    """The settings with the names of images that low objects share filled in: one for all, or that of a material."""
+    if not material:
         return for_low(settings, shared_name)
     storing = settings.storing
     image, output = map(naming.of_shared_textures, (storing.image or naming.USUAL, storing.output))
-    material = shared_name if job.material == NO_MATERIAL else job.material
+    material = shared_name if material == NO_MATERIAL else material
     return for_low(settings.stored(image=image, output=output), shared_name, material)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..core.declarations.choices import Method, Space, Storage
+from ..core.declarations.choices import Method, Space
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import ATLAS
@@ -18,7 +18,7 @@ from ..jobs.pair_checks import Finding
 from ..output import datablocks, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import object_pairs, results, several
+from . import object_pairs, results, sets_panel, several
 from .callbacks import until_change
 from .findings import findings
 from .fix_buttons import draw_button, draw_fixable
@@ -28,6 +28,7 @@ from .planned_images import count_images, filled, planned_images
 from .progress_display import MAIN, display
 from .properties import Chosen, ImprintSettings
 from .results_panel import draw_batch, draw_numbers
+from .setting_rows import Rows, is_beside_unsaved
 from .texts import LABEL, SidebarPanel, draw_paragraphs, label, labeled, message, split_layout
 
 
@@ -146,7 +147,7 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
+        settings = Rows(context).owner("width")
         factor = self.side / max(settings.width, settings.height) if self.side else self.factor
         # The properties keep each side within its limits.
         settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
@@ -168,16 +169,17 @@ class IMPRINT_MT_size(bpy.types.Menu):
             self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
 
 
-def draw_size(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+def draw_size(layout: bpy.types.UILayout, rows: Rows) -> None:
     """The size in a panel, with its menu."""
-    is_square = settings.square and settings.width == settings.height
+    is_square = rows["square"] and rows["width"] == rows["height"]
     column = layout.column(align=True)
     row = column.row(align=True)
-    row.prop(settings, "size" if is_square else "width")
-    row.prop(settings, "square", text="", icon="LINKED" if is_square else "UNLINKED")
+    row.prop(rows.owner("width"), "size" if is_square else "width")
+    row.prop(rows.owner("square"), "square", text="", icon="LINKED" if is_square else "UNLINKED")
     row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
+    rows.pin(row, "size")
     if not is_square:
-        column.prop(settings, "height")
+        column.prop(rows.owner("height"), "height")
 
 
 MOST_CHECKED = 4
@@ -217,8 +219,7 @@ def _missing(name: str) -> str:
 
 def _is_unsaved(chosen: Chosen) -> bool:
     """Whether the maps go beside a .blend file that was never saved."""
-    panel = chosen.panel
-    return not bpy.data.filepath and panel.storage == Storage.FILE and panel.output.startswith("//")
+    return is_beside_unsaved(chosen.panel.storage, chosen.panel.output)
 
 
 def _material_problem(low: bpy.types.Object, values: Settings) -> str:
@@ -317,7 +318,17 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
     bl_label = "Imprint"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+        layout, settings, rows = self.layout, context.scene.imprint, Rows(context)
+        row = layout.row()
+        row.enabled = display.current is None and not live.is_on
+        row.prop(settings, "bakes", expand=True)
+        if settings.bakes == "SETS" and not live.is_on:
+            _draw_set(layout, context, rows)
+        else:
+            self.draw_selection(layout, context, rows)
+
+    def draw_selection(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Rows) -> None:
+        """The slots and the button for what is selected."""
         settings = context.scene.imprint
         lows = several.lows(context, settings)
         all_chosen = [settings.alone(context, low) for low in lows[:MOST_CHECKED]] or [settings.chosen(context)]
@@ -331,17 +342,8 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         column = layout.column()
         column.enabled = display.current is None and not live.is_on
         _draw_slots(column, settings, _sign(problem, issues, notes))
-        column = split_layout(layout.column())
-        column.enabled = display.current is None
-        row = column.row(align=True)
-        row.prop(settings, "engine")
-        row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
-        draw_size(column, settings)
-        column.prop(settings, "samples")
-        row = layout.row()
-        row.scale_y = 1.6
-        text = label("Bake Normal Map") if is_normal_only(chosen.settings) else label("Bake Maps")
-        display.draw_operator(row, MAIN, enabled=not problem, text=text, translate=False, icon="RENDER_STILL")
+        _draw_settings(layout, rows)
+        _draw_button(layout, MAIN, chosen.settings, enabled=not problem)
         row = layout.row()
         row.enabled = display.current is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
@@ -355,6 +357,43 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_fixable(layout.box(), context, live.message, "ERROR")
         elif live.session is not None and live.session.differences:
             draw_paragraphs(layout.box(), context, live.session.differences, "INFO")
+
+
+def _draw_set(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Rows) -> None:
+    """The sets, and the buttons that bake the active one."""
+    column = layout.column()
+    column.enabled = display.current is None
+    sets_panel.draw_lists(column, context, rows)
+    if rows.set is None:
+        return
+    problem = sets_panel.problem(context, rows)
+    _draw_settings(layout, rows)
+    button = _draw_button(layout, sets_panel.BAKE, rows.settings, enabled=not problem)
+    if button is not None:
+        button.name = rows.set.name
+    sets_panel.draw_changed(layout, rows.set, enabled=display.current is None and not problem)
+    sets_panel.draw_box(layout.box(), context, rows, problem)
+
+
+def _draw_settings(layout: bpy.types.UILayout, rows: Rows) -> None:
+    """The settings that each bake needs."""
+    column = split_layout(layout.column())
+    column.enabled = display.current is None
+    row = column.row(align=True)
+    rows.prop(row, "engine")
+    row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
+    draw_size(column, rows)
+    rows.prop(column, "samples")
+
+
+def _draw_button(
+    layout: bpy.types.UILayout, operator: str, settings: Settings, *, enabled: bool
+) -> bpy.types.OperatorProperties | None:
+    """The button that bakes. Returns its properties, or None for the bar in its place."""
+    row = layout.row()
+    row.scale_y = 1.6
+    text = label("Bake Normal Map") if is_normal_only(settings) else label("Bake Maps")
+    return display.draw_operator(row, operator, enabled=enabled, text=text, translate=False, icon="RENDER_STILL")
 
 
 def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:

@@ -85,7 +85,7 @@ def is_mesh(_owner, obj: bpy.types.Object) -> bool:
     return obj.type == "MESH"
 
 
-def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
+def may_be_high(_owner, obj: bpy.types.Object) -> bool:
     return object_checks.may_show(obj)
 
 
@@ -138,7 +138,7 @@ class ImprintHigh(bpy.types.PropertyGroup, Slot):
         "High",
         "Object with detail: a mesh, a curve, text, or an object that shows instances",
         type=bpy.types.Object,
-        poll=_may_be_high,
+        poll=may_be_high,
         update=Slot.note,
         override=_OVERRIDABLE,
     )

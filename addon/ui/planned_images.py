@@ -2,6 +2,7 @@
 """The images that a bake fills, as panels name them before it."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -9,7 +10,7 @@ import bpy
 from ..core.settings import Settings
 from ..jobs import bake_jobs
 from ..jobs.job import Job, by_material
-from ..output import map_names
+from ..output import datablocks, map_names
 from .texts import message
 
 
@@ -71,3 +72,26 @@ def filled(low: bpy.types.Object, values: Settings, low_name: str = "") -> list[
     texture sets would share."""
     names = [job.material for job in by_material([Job(low, [])], values.storing)] if values.map.texture_sets else [""]
     return [bake_jobs.for_low(values, low_name or low.name, name) for name in names]
+
+
+def of_texture(settings: Settings, low_name: str, shared_name: str, material: str) -> list[PlannedImage]:
+    """The images of a part of a set, or those that parts share.
+
+    Args:
+        settings: Valid.
+        shared_name: As for bake_jobs.work; empty for images of the part alone.
+        material: Whose images they are; empty for all materials.
+    """
+    if not shared_name:
+        return _images(bake_jobs.for_low(settings, low_name))
+    return _images(bake_jobs.for_shared(settings, shared_name, material))
+
+
+def draw_images(layout: bpy.types.UILayout, images: Sequence[PlannedImage]) -> None:
+    """The names of images, or those of their files below the folder. Those that exist have another icon than new ones."""
+    column = layout.column(align=True)
+    if folder := next((image.folder for image in images if image.folder), ""):
+        column.label(text=folder, icon="FILE_FOLDER", translate=False)
+    for image in images:
+        icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
+        column.label(text=image.title, icon=icon, translate=False)

@@ -30,8 +30,11 @@ def low_of(item: Item) -> bpy.types.Object | None:
     return item if isinstance(item, bpy.types.Object) else item.find()
 
 
-def active_low(context: bpy.types.Context, one: ImprintSet) -> bpy.types.Object | None:
-    """The low object of the row that is chosen in the list of parts; None if it is no part."""
+def chosen_low(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The low object of the row that is chosen in the list of parts of the active set; None if it is none."""
+    one = sets.active(context)
+    if one is None:
+        return None
     owner, name = listed(context, one)
     items = getattr(owner, name)
     low = low_of(items[one.active_part]) if one.active_part < len(items) else None

@@ -101,8 +101,10 @@ class IMPRINT_OT_set_add(SetOperator, bpy.types.Operator):
     bl_idname = "imprint.set_add"
     bl_label = "Add Set"
 
+    by_name: labeled(BoolProperty, "By Name", "Of all pairs by name, whatever is selected", options={"SKIP_SAVE"})
+
     def apply(self, context: bpy.types.Context) -> str:
-        lows, _ = selection.parts(context)
+        lows, _ = ([], []) if self.by_name else selection.parts(context)
         if not lows:
             return _add_by_name(context)
         one = add(context, selection.name_of(lows))
@@ -233,9 +235,14 @@ class IMPRINT_OT_set_high_add(SetOperator, bpy.types.Operator):
         new = [object_by_name(self.high)] if self.high else selection.highs_for(context, low)
         if not new or not all(map(object_checks.may_show, new)) or low in new:
             raise BakeError("No high object: select one beside the low object.")
-        own = [high for high in context.scene.imprint.alone(context, low).highs if high != low]
-        _pair(context, low, list(dict.fromkeys([*own, *new])))
+        add_highs(context, low, new)
         return ""
+
+
+def add_highs(context: bpy.types.Context, low: bpy.types.Object, new: Sequence[bpy.types.Object]) -> None:
+    """Give a part high objects beside those that it has. Raises BakeError."""
+    own = [high for high in context.scene.imprint.alone(context, low).highs if high != low]
+    _pair(context, low, list(dict.fromkeys([*own, *new])))
 
 
 class IMPRINT_OT_set_high_remove(SetOperator, bpy.types.Operator):

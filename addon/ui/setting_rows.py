@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..core.declarations.choices import DistanceUnit
+from ..core.declarations.choices import DistanceUnit, Storage
 from ..core.settings import Settings
 from . import object_pairs, set_lists, sets
 from .declared_properties import length_name
@@ -18,6 +18,11 @@ OF_PAIRS = (*object_pairs.CHOSEN, "cage")
 """The settings that a pair has for itself, where the panel bakes one low object."""
 MADE = ("engine",)
 """Settings of a set that show what counts, whoever has it. To choose one makes all that it sets the set's own."""
+
+
+def is_beside_unsaved(storage: str, output: str) -> bool:
+    """Whether maps go beside a .blend file that was never saved. output: the path of the map."""
+    return not bpy.data.filepath and storage == Storage.FILE and output.startswith("//")
 
 
 class Rows:
@@ -36,13 +41,18 @@ class Rows:
         """The objects that the settings are for: those of the active part of the set, or those that are selected."""
         if self.set is None:
             return self._panel.chosen(self._context)
-        low = set_lists.active_low(self._context, self.set)
+        low = set_lists.chosen_low(self._context)
         return self._panel.alone(self._context, low) if low is not None else Chosen(self._panel, None, [])
 
     @cached_property
     def settings(self) -> Settings:
         """The settings of a bake."""
         return self.set.settings if self.set else self.chosen.settings
+
+    @property
+    def is_unsaved(self) -> bool:
+        """Whether the maps go beside a .blend file that was never saved."""
+        return is_beside_unsaved(self["storage"], self["output"])
 
     def owner(self, name: str) -> bpy.types.PropertyGroup:
         """What stores a setting."""

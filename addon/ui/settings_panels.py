@@ -11,12 +11,11 @@ from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
 from ..jobs import weights
-from ..output import datablocks
 from ..scene.high_materials import materials_of
 from . import bake_panel, declared_properties, results
 from .cage_overlay import overlay
 from .modal import QuickOperator
-from .planned_images import PlannedImage, count_images, planned_images
+from .planned_images import count_images, draw_images, planned_images
 from .progress_display import SettingsPanel, display
 from .results import distances
 from .setting_rows import Rows
@@ -128,16 +127,6 @@ def groups() -> dict[str, list[str]]:
         group: [kind.name for kind in OTHERS if kind.family in families and kind.name not in RARE]
         for group, families in GROUPS.items()
     }
-
-
-def draw_images(layout: bpy.types.UILayout, images: Sequence[PlannedImage]) -> None:
-    """The names of images, or those of their files below the folder. Those that exist have another icon than new ones."""
-    column = layout.column(align=True)
-    if folder := next((image.folder for image in images if image.folder), ""):
-        column.label(text=folder, icon="FILE_FOLDER", translate=False)
-    for image in images:
-        icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
-        column.label(text=image.title, icon=icon, translate=False)
 
 
 def _title(text: str, chosen: Collection[str]) -> str:

@@ -71,7 +71,7 @@ class Layout:
 
     def menu(self, name, icon="NONE", **_):
         assert icon in self.ICONS
-        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), None)
+        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), bpy.context)
 
     def popover(self, panel, icon="NONE", **_):
         assert icon in self.ICONS

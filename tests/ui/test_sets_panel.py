@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from addon.core.settings import PART_OF
-from addon.ui import sets, settings_panels
+from addon.ui import bake_panel, object_pairs, set_lists, sets, settings_panels
 from addon.ui.setting_rows import MADE, Rows
 from tests.support import panel_layout, zoo
 from tests.support.panel import select, use
@@ -96,3 +96,111 @@ def test_what_a_packed_image_needs_says_so(crate):
     assert "In the packed image: Ambient Occlusion" in drawn.text
     settings.maps = {"AO", "ROUGHNESS", "METALLIC"}
     assert "In the packed image" not in panel_layout.draw(panels=SETTINGS, width=2000).text
+
+
+# The head of the panel
+
+
+def main(**how):
+    return panel_layout.draw(panels=[bake_panel.IMPRINT_PT_bake], **how)
+
+
+def above_button(drawn):
+    """What decides how far the button is from the top: lists with their rows, and rows of single settings and buttons."""
+    in_lists = {"is_on", "name", "imprint_is_baked"}
+    names = [name for name in drawn.order if name not in in_lists]
+    menus = {"imprint.set_duplicate", "imprint.set_move", "imprint.set_high_remove", "imprint.resize"}
+    at = names.index("engine")
+    return drawn.rows, [name for name in names[:at] if name not in menus and name != "imprint.bake_sets"]
+
+
+def test_the_head_says_what_the_panel_bakes(crate):
+    drawn = main(width=2000)
+    assert drawn.order[0] == "bakes"
+    assert [name for name, _ in drawn.rows] == ["imprint_sets", "parts"]
+    assert "Bakes 2 parts: 32 x 32, an image for each part." in drawn.text
+    baked = [vars(given) for name, given in drawn.given if name == "imprint.bake_sets" and vars(given)]
+    assert baked == [{"name": crate.name}, {"name": crate.name, "changed": True}]
+    bpy.context.scene.imprint.bakes = "SELECTION"
+    drawn = main()
+    assert drawn.order[0] == "bakes"
+    assert [name for name, _ in drawn.rows] == ["highs"]
+
+
+def test_the_button_stays_where_it_is(crate):
+    before = above_button(main())
+    assert bpy.ops.imprint.bake_sets(name=crate.name) == {"FINISHED"}
+    assert above_button(main()) == before
+    for number in range(40):
+        crate.parts.add().object = zoo.cube(f"bolt_{number}")
+    for textures in ("PART", "MATERIAL", "ONE"):
+        crate.textures = textures
+        for at in (0, 20):
+            crate.active_part = at
+            bpy.data.objects["crate_low"].imprint_size = "512"
+            crate.parts[at].find().imprint  # noqa: B018 - as the operator does
+            assert above_button(main()) == before
+
+
+def test_a_part_that_is_gone_is_named(crate):
+    bpy.data.objects.remove(bpy.data.objects["lid_low"])
+    crate.parts[1].called = "lid_low"
+    drawn = main(width=2000)
+    assert ("lid_low", "ERROR") in zip(drawn.labels, drawn.icons, strict=True)
+
+
+def test_parts_of_a_collection_are_listed_by_themselves(crate):
+    shelf = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.children.link(shelf)
+    for name in ("lid_low", "lid_high"):
+        shelf.objects.link(bpy.data.objects[name])
+    crate.source, crate.collection = "COLLECTION", shelf
+    drawn = main(width=2000)
+    assert drawn.rows[1][0] == "all_objects"
+    assert "lid_low" in drawn.labels
+    assert "crate_low" not in drawn.labels
+    crate.source = "NAMES"
+    drawn = main(width=2000)
+    assert drawn.rows[1][0] == "objects"
+    assert {"crate_low", "lid_low"} <= set(drawn.labels)
+    assert "Bakes 2 parts" in drawn.text
+
+
+def test_a_picked_object_becomes_a_high_one_of_the_chosen_part(crate):
+    bolt = zoo.cube("bolt")
+    crate.active_part = 0
+    low = crate.parts[0].find()
+    bpy.context.scene.imprint_picked = bolt
+    assert bpy.context.scene.imprint_picked is None
+    assert bolt in object_pairs.of(low).found()
+    assert "2 highs" in main(width=2000).labels
+    crate.active_part = 1
+    assert set_lists.chosen_low(bpy.context) == crate.parts[1].find()
+
+
+def test_the_images_of_a_set_are_named_with_their_folder(crate):
+    use(maps={"AO"}, storage="FILE", output="//textures/T_{name}.png", image="T_{name}")
+    crate.textures = "MATERIAL"
+    for name, low in (("wood", "crate_low"), ("iron", "lid_low")):
+        bpy.data.objects[low].data.materials.append(bpy.data.materials.new(name))
+    bpy.ops.wm.save_as_mainfile(filepath=bpy.app.tempdir + "crate.blend")
+    drawn = main(width=2000)
+    assert "Images of this bake: 4" in drawn.labels
+    assert {"wood", "iron", "//textures/", "T_wood.png", "T_wood_ao.png"} <= set(drawn.labels)
+    crate.textures = "ONE"
+    drawn = main(width=2000)
+    assert "Images of this bake: 2" in drawn.labels
+    assert f"T_{crate.name}.png" in drawn.labels
+
+
+def test_a_redraw_looks_for_parts_only_where_something_has_changed(crate, monkeypatch):
+    calls, lows = [], sets.lows
+    monkeypatch.setattr(sets, "lows", lambda *given: calls.append(1) or lows(*given))
+    main()
+    before = len(calls)
+    for _ in range(3):
+        main()
+    assert len(calls) == before
+    bpy.data.objects["lid_low"].location.z = 1.0
+    main()
+    assert len(calls) > before
