@@ -20,6 +20,7 @@ from ..core import naming
 from ..core.declarations.all_settings import DECLARED
 from ..core.errors import BakeError
 from ..core.settings import PART_OF
+from . import sets
 from .callbacks import Timer, events
 from .engine_choice import describe
 from .modal import FileOperator, QuickOperator, file_filter
@@ -62,13 +63,15 @@ def apply_preset(settings: bpy.types.PropertyGroup, values: Mapping[str, Any]) -
     known = dict(
         sorted(known.items(), key=lambda item: item[0] == "depth")
     )  # a path sets it, if the one before does not fit
-    before = {name: getattr(settings, name) for name in known}
+    before = {name: getattr(settings, name) for name in known if settings.is_property_set(name)}
     try:
         for name, value in known.items():
             setattr(settings, name, value)
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         for name, value in before.items():
             setattr(settings, name, value)
+        for name in known.keys() - before:
+            settings.property_unset(name)
         raise BakeError(f"A preset cannot be used: {error}.") from error
 
 
@@ -127,7 +130,7 @@ class IMPRINT_OT_preset_use(QuickOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         path = Path(self.filepath)
         values = read_preset(path)
-        apply_preset(context.scene.imprint, values)
+        apply_preset(sets.whole(context), values)
         IMPRINT_PT_presets.bl_label = bpy.path.display_name(path.name)  # as Blender's own presets do
         return describe(values)
 
@@ -145,7 +148,7 @@ class IMPRINT_OT_preset_load(FileOperator, bpy.types.Operator):
     def apply(self, context: bpy.types.Context) -> str:
         path = Path(bpy.path.abspath(self.filepath))
         values = read_preset(path)
-        apply_preset(context.scene.imprint, values)
+        apply_preset(sets.whole(context), values)
         own = folder() / path.name
         if own.exists():
             return describe(values)
@@ -159,7 +162,6 @@ class IMPRINT_OT_preset_add(AddPresetBase, bpy.types.Operator):
     bl_idname = "imprint.preset_add"
     bl_label = "Add Preset"
     preset_menu = "IMPRINT_PT_presets"
-    preset_defines = ["settings = bpy.context.scene.imprint"]
     preset_subdir = FOLDER
 
     # As in Blender's base class, which has no descriptions.
@@ -171,9 +173,15 @@ class IMPRINT_OT_preset_add(AddPresetBase, bpy.types.Operator):
     )
 
     @property
+    def preset_defines(self) -> list[str]:
+        """How Blender finds the settings: those of the active set, or else of the scene."""
+        one = sets.active(bpy.context)
+        return [f"settings = bpy.context.scene.{one.path_from_id() + '.own.whole' if one else 'imprint'}"]
+
+    @property
     def preset_values(self) -> list[str]:
         """What Blender writes: all settings, but paths only if they fit more than one object."""
-        settings = bpy.context.scene.imprint
+        settings = sets.whole(bpy.context)
         patterns = [name for name in ("output", "export") if naming.has_low(getattr(settings, name))]
         left_out = {"image", "output", "export"}
         names = [name for name in (*PART_OF, *_SWITCHES) if name not in left_out]

@@ -50,7 +50,7 @@ STANDS_FOR = {
 }
 """The settings behind properties whose values are made."""
 _STORED = tuple(
-    name for name in (*Options.__annotations__, *WithEngine.__annotations__) if name not in {*STANDS_FOR, *FORMER}
+    name for name in Options.__annotations__ | WithEngine.__annotations__ if name not in {*STANDS_FOR, *FORMER}
 )
 
 
@@ -73,6 +73,15 @@ class Whole:
 
     def __setattr__(self, name: str, value: Any) -> None:
         setattr(self._own if name in _OF_SETS else self._scene, name, value)
+
+    def is_property_set(self, name: str) -> bool:
+        """Whether the set has a setting of its own."""
+        return self._own.is_own(name)
+
+    def property_unset(self, name: str) -> None:
+        """Give a setting back to the scene."""
+        if name in _OF_SETS:
+            self._own.property_unset(name)
 
 
 _MADE = {"size", "names", "engine"}
@@ -231,6 +240,12 @@ def active(context: bpy.types.Context) -> ImprintSet | None:
     if scene.imprint.bakes != "SETS" or not len(scene.imprint_sets):
         return None
     return scene.imprint_sets[min(scene.imprint.active_set, len(scene.imprint_sets) - 1)]
+
+
+def whole(context: bpy.types.Context) -> ImprintSettings | Whole:
+    """The settings that count for what the panel bakes. What is set there is set for the active set, or else for the scene."""
+    one = active(context)
+    return context.scene.imprint if one is None else one.own.whole
 
 
 def lows(context: bpy.types.Context, one: ImprintSet) -> list[bpy.types.Object]:

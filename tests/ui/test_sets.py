@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.ui import object_pairs, sets
+from addon.ui import object_pairs, presets, sets
 from tests.support.panel import select, use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -166,6 +166,40 @@ def test_an_engine_of_a_set_leaves_the_scene_alone(props):
     assert one.own.engine == "Unreal Engine" != scene.engine
     one.back("engine")
     assert one.own.names_of_own() == []
+
+
+@pytest.fixture
+def saved_presets():
+    """Removes those that a test makes, and shows no name of them."""
+    panel = bpy.types.IMPRINT_PT_presets
+    before = panel.bl_label
+    yield
+    panel.bl_label = before
+    for path in presets.folder().glob("*.py"):
+        path.unlink()
+
+
+@pytest.mark.usefixtures("saved_presets")
+def test_a_preset_of_a_set_leaves_the_scene_alone(props, tmp_path):
+    one, scene = new_set(props["crate_low"]), bpy.context.scene.imprint
+    before, path = scene.to_settings(), tmp_path / "p.py"
+    path.write_text(
+        "settings.width = 64\nsettings.depth = '8'\nsettings.storage = 'FILE'\nsettings.output = '//{low}.png'\n"
+    )
+    assert bpy.ops.imprint.preset_use(filepath=str(path)) == {"FINISHED"}
+    assert scene.to_settings() == before
+    assert (one.settings.sampling.width, one.settings.storing.depth) == (64, 8)
+    assert sorted(one.own.names_of_own()) == ["depth", "output", "storage", "width"]
+    path.write_text("settings.samples = '4'\nsettings.width = 'wide'\n")
+    with pytest.raises(RuntimeError, match="A preset cannot be used"):
+        bpy.ops.imprint.preset_use(filepath=str(path))
+    assert sorted(one.own.names_of_own()) == ["depth", "output", "storage", "width"]
+    bpy.ops.imprint.preset_add(name="Of a Set")
+    saved = presets.read_preset(presets.folder() / "Of_a_Set.py")
+    assert (saved["width"], saved["output"]) == (64, "//{low}.png")
+    bpy.context.scene.imprint.bakes = "SELECTION"
+    bpy.ops.imprint.preset_add(name="Of the Scene")
+    assert presets.read_preset(presets.folder() / "Of_the_Scene.py")["width"] == SIDE
 
 
 def test_an_empty_set_says_so(props):
