@@ -45,21 +45,21 @@ OF_BATCHES = {
     "Object.imprint_is_baked": labeled(
         BoolProperty,
         "Bake",
-        "Whether Bake Pairs by Name bakes this low object",
+        "Whether bakes of several low objects include this one",
         default=True,
         override=_OVERRIDABLE,
     ),
     "Object.imprint_size": labeled(
         EnumProperty,
         "Size",
-        "Width and height of the maps that Bake Pairs by Name bakes for this low object. One image for all has the panel's",
+        "Width and height of the maps of this low object in a bake of several. One image for all has the panel's",
         items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
         override=_OVERRIDABLE,
     ),
     "Object.imprint_distance": labeled(
         FloatProperty,
         "Distance",
-        "How far outward and inward of this low object Bake Pairs by Name looks for the high ones. 0 for the setting of the "
+        "How far outward and inward of this low object a bake of several looks for the high ones. 0 for the setting of the "
         "panel Rays, which measures it by default",
         min=0.0,
         subtype="DISTANCE",

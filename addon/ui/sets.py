@@ -23,7 +23,7 @@ from ..core.declarations import targets
 from ..core.declarations.all_settings import DECLARED, FORMER
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
-from ..core.naming import LOW, MATERIAL, NAME, Pair
+from ..core.naming import Pair
 from ..core.settings import Settings
 from ..jobs import sets as set_jobs
 from ..jobs.job import Job
@@ -193,19 +193,11 @@ class ImprintSet(bpy.types.PropertyGroup):
 
 
 def _with_textures(settings: Settings, textures: str) -> Settings:
-    """The settings for images that parts share as `textures` of a set has it."""
-    storing, by_material = settings.storing, textures == "MATERIAL"
-    image, output = (_named(text, by_material=by_material) for text in (storing.image, storing.output))
-    return settings.mapped(texture_sets=by_material).stored(image=image, output=output)
-
-
-def _named(text: str, *, by_material: bool) -> str:
-    """The name of an image or a path. An image of a material that all share is named after the material."""
-    if not by_material:
-        return naming.of_one_texture(text)
-    at = max(text.rfind("/"), text.rfind("\\")) + 1
-    folder, name = text[:at], text[at:]
-    return text if MATERIAL in text else folder + name.replace(LOW, MATERIAL).replace(NAME, MATERIAL)
+    """The settings for images that parts share as `textures` of a set has it. See bake_jobs.named for those of materials."""
+    if textures == "MATERIAL":
+        return settings.mapped(texture_sets=True)
+    image, output = map(naming.of_one_texture, (settings.storing.image, settings.storing.output))
+    return settings.mapped(texture_sets=False).stored(image=image, output=output)
 
 
 def unique_name(scene: bpy.types.Scene, name: str, own: ImprintSet | None = None) -> str:

@@ -134,6 +134,31 @@ def test_sets_bake_the_maps_of_pairs_by_name(props):
         np.testing.assert_array_equal(texels(name), values)
 
 
+@pytest.mark.parametrize(
+    ("textures", "engine", "named"),
+    [
+        ("PART", "", {"crate_low_normal", "lid_low_normal"}),
+        ("ONE", "", {"Prop_normal"}),
+        ("MATERIAL", "", {"Wood_normal"}),
+        ("ONE", "Unreal Engine", {"T_Prop_N"}),
+        ("MATERIAL", "Unreal Engine", {"T_Wood_N"}),
+    ],
+)
+def test_images_are_named_after_what_shares_them(props, textures, engine, named, tmp_path):
+    one, material = new_set(props["crate_low"], props["lid_low"], textures=textures), bpy.data.materials.new("Wood")
+    one.own.output = str(tmp_path / "map.png")
+    for low in (props["crate_low"], props["lid_low"]):
+        low.data.materials.append(material)
+    if engine:
+        one.own.engine = engine
+    use(maps=set())
+    assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
+    images = {image.name for image in bpy.data.images if image.size[0]}
+    assert {name for name in images if name.endswith(("_N", "_normal"))} == named
+    if engine:
+        assert {path.name for path in tmp_path.glob("*_N.png")} == {f"{name}.png" for name in named}
+
+
 def test_own_settings_count_in_place_of_the_scene(props):
     one, scene = new_set(props["crate_low"]), bpy.context.scene.imprint
     assert one.settings == scene.to_settings()
