@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core import threads
+from ..core import threads, udim
 from ..core.declarations import bases, targets
-from ..core.declarations.choices import Space, Storage
+from ..core.declarations.choices import Space, Storage, Wrap
 from ..core.sentences import LOOK, NOTE, WRONG, Sentence
 from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..engine.orienting import INWARD
@@ -17,7 +17,7 @@ from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.local_space import gap_of_boxes
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import face_normals, transformed
-from . import severity
+from . import severity, uv_checks
 
 LOW_FACES, HIGH_FACES = 256, 2048
 """The most faces of the low mesh, and of all high ones, that are compared."""
@@ -125,7 +125,13 @@ def _box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED = "FLIPPED", "POLYGONS", "LAYER", "HARD_EDGES", "MIRRORED"
+OUTSIDE, OVERLAP = "OUTSIDE", "OVERLAP"
 KINDS = (FLIPPED, POLYGONS, LAYER, HARD_EDGES, MIRRORED)
+"""The kinds that jobs/fixes.py can fix."""
+CHECKS = {FLIPPED: severity.FLIPPED, HARD_EDGES: "hard_edges", OUTSIDE: "outside", OVERLAP: "overlap"}
+"""What a finished bake calls them."""
+MOST_TILES = 16
+"""UDIM tiles whose overlaps are counted before a bake."""
 
 FACING = Sentence(
     "The faces of {flipped} point to the other side than those of {other}: flip its normals before the bake.",
@@ -152,7 +158,7 @@ STACKED = Sentence(
     "Moved by a whole tile, they read the detail of the others.",
     NOTE,
 )
-SENTENCES = (FACING, N_GONS, QUADS, OTHER_LAYER, severity.HARD_EDGES, STACKED)
+SENTENCES = (FACING, N_GONS, QUADS, OTHER_LAYER, severity.HARD_EDGES, STACKED, severity.OUTSIDE, severity.OVERLAP)
 """All templates of Finding."""
 
 _BLENDERS = {bases.of_engine("CYCLES"), bases.of_engine("BLENDER_EEVEE")}
@@ -160,17 +166,19 @@ _BLENDERS = {bases.of_engine("CYCLES"), bases.of_engine("BLENDER_EEVEE")}
 
 @dataclass(frozen=True)
 class Finding:
-    """One of KINDS, with a sentence about it.
+    """A kind of problem, with a sentence about it.
 
     Attributes:
         template: One of SENTENCES, which says how much harm it does.
-        values: To fill in.
-        kind: One of KINDS.
+        values: To fill in; the share of the map, where it is known.
+        kind: One of KINDS, OUTSIDE or OVERLAP.
+        fits_udim: Whether UDIM tiles hold what is outside.
     """
 
     kind: str
     template: Sentence
     values: dict[str, Any]
+    fits_udim: bool = False
 
     @property
     def harms(self) -> bool:
@@ -179,7 +187,8 @@ class Finding:
 
     @property
     def sentence(self) -> Sentence:
-        return self.template.filled(**self.values)
+        sentence = self.template.filled(**self.values)
+        return sentence.but(sentence, kind=CHECKS.get(self.kind, ""))
 
 
 def suspicion(low_faces: int) -> float:
@@ -234,6 +243,23 @@ def find(low: Mesh, uv_layer: str, active_layer: str, sampling: SamplingSettings
         if stacked:
             findings.append(Finding(MIRRORED, STACKED, {"low": name, "count": stacked}))
     return [finding for finding in findings if finding is not None]
+
+
+def find_in_layout(low: Mesh, settings: Settings) -> list[Finding]:
+    """What the map of a low mesh, which must have UVs and faces, will lack wherever it is used: parts that are cut off, and
+    parts that share texels. As far as it can be told quickly."""
+    sampling, name, found = settings.sampling, repr(low.name), []
+    check = uv_checks.outside(low, sampling)
+    if severity.rate("outside", check, settings) == severity.WRONG:
+        where = severity.TILES if sampling.udim else severity.TILE
+        values = {"low": name, "count": check["count"], "where": where, "share": check["cut_off"]}
+        fits_udim = check["fits_udim"] and sampling.wrap == Wrap.NONE
+        found.append(Finding(OUTSIDE, severity.OUTSIDE, values, fits_udim))
+    tiles = (sampling.tiles or uv_layout.tiles(low))[:MOST_TILES] if sampling.udim else (udim.FIRST,)
+    check = uv_checks.rough_overlap(low, tiles)
+    if severity.rate("overlap", check, settings) == severity.WRONG:
+        found.append(Finding(OVERLAP, severity.OVERLAP, {"low": name, "share": check["share"]}))
+    return found
 
 
 def _polygons(low: Mesh, name: str) -> Finding | None:

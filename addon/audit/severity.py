@@ -170,7 +170,7 @@ HARD_EDGES = Sentence(
 )
 OVERLAP = Sentence(
     "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the detail of only "
-    "one of them.",
+    "one of them. Unwrap gives each face a place of its own.",  # as UNWRAPS has it
     WRONG,
 )
 OUTSIDE = Sentence("{low}: {count:,} of its triangles reach outside the {where} and are cut off there.", WRONG)

@@ -9,7 +9,7 @@ import numpy as np
 from ..core import udim
 from ..core.settings import SamplingSettings
 from ..engine import coverage
-from ..mesh import uv_islands, uv_layout
+from ..mesh import uv_islands, uv_layout, uv_overlap
 from ..mesh.triangle_mesh import Mesh
 from . import severity
 from .severity import Check
@@ -51,6 +51,17 @@ def overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Check:
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1))
     return overlap_of(low, size, tiles, covered, shared)
+
+
+def rough_overlap(low: Mesh, tiles: Sequence[int]) -> Check:
+    """As `overlap`, on a coarse map and without the GPU: for what a panel says before a bake."""
+    counts = [uv_overlap.shared(low, tile) for tile in tiles]
+    covered, shared = (sum(each) for each in zip(*counts, strict=True))
+    crossed = shared
+    if shared > severity.MUCH_OVERLAP * covered:
+        unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
+        crossed = sum(uv_overlap.shared(unique, tile)[1] for tile in tiles)
+    return share_of(shared, covered) | {"stacked": shared - crossed}
 
 
 def overlap_of(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: int, shared: int) -> Check:

@@ -107,10 +107,16 @@ def in_window(text: str) -> tuple[str, str]:
 
 
 def shorten_list(items: Iterable[object], most: int = 3) -> str:
-    """The first `most` items, separated by commas, and the number of the others: "a, b, c and 5 more"."""
+    """The first `most` items, separated by commas, and the number of the others: "a, b, c and 5 more". See also `named`."""
     words = list(map(str, items))
     more = len(words) - most
     return ", ".join(words) if more < 1 else f"{', '.join(words[:most])} and {more} more"
+
+
+def named(names: Iterable[str]) -> str:
+    """Objects in a plan, which keeps its height: a few names, or else the first and the number of the others."""
+    names = [*map(repr, names)]
+    return shorten_list(names, 3 if len(names) <= 3 else 1)
 
 
 Length = Callable[[float], str]

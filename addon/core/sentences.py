@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sentences for the user that know how much harm they tell of, their order, and those that say the same of several objects."""
+"""Sentences for the user that know how much harm they tell of, and their order."""
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import StrEnum
 
 
@@ -19,7 +18,8 @@ class Harm(StrEnum):
 
 
 WRONG, LOOK, NOTE = Harm
-_RANKS = {harm: rank for rank, harm in enumerate(Harm)}
+RANKS = {harm: rank for rank, harm in enumerate(Harm)}
+"""From 0 for the worst."""
 
 
 class Sentence(str):
@@ -59,33 +59,12 @@ def rated(texts: Iterable[str], harm: Harm, kind: str = "") -> list[Sentence]:
 def by_harm(texts: Iterable[str]) -> list[Sentence]:
     """The sentences, each once, the worst first."""
     unique = map(Sentence.of, dict.fromkeys(texts))
-    return sorted(unique, key=lambda each: (_RANKS[each.harm], -each.share))
+    return sorted(unique, key=lambda each: (RANKS[each.harm], -each.share))
 
 
-@dataclass(frozen=True)
-class Alike:
-    """A sentence that is true of several low objects but for names and numbers.
-
-    Attributes:
-        sentence: Of the first low object.
-        lows: Their names.
-    """
-
-    sentence: Sentence
-    lows: tuple[str, ...]
-
-
-def grouped(found: Iterable[tuple[str, str]]) -> list[Alike]:
-    """Sentences with the names of their low objects, those that say the same together, the worst first."""
-    groups: dict[str, list[tuple[str, Sentence]]] = {}
-    for low, text in found:
-        sentence = Sentence.of(text)
-        groups.setdefault(f"{sentence.harm} {_NAMES_AND_NUMBERS.sub('', sentence)}", []).append((low, sentence))
-    alike = [
-        Alike(by_harm(sentence for _, sentence in group)[0], tuple(dict.fromkeys(low for low, _ in group)))
-        for group in groups.values()
-    ]
-    return sorted(alike, key=lambda each: (_RANKS[each.sentence.harm], -len(each.lows), -each.sentence.share))
+def gist(text: str) -> str:
+    """A sentence without names and numbers: the same for sentences that say the same of several objects."""
+    return _NAMES_AND_NUMBERS.sub("", text)
 
 
 _NAMES_AND_NUMBERS = re.compile(r"'[^']*'|\"[^\"]*\"|\d[\d.,]*")

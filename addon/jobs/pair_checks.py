@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..audit import before_bake, severity
-from ..audit.before_bake import FLIPPED, HARD_EDGES, LAYER, POLYGONS, Faces, Finding
+from ..audit import before_bake
+from ..audit.before_bake import LAYER, OUTSIDE, OVERLAP, POLYGONS, Faces, Finding
 from ..core.declarations.choices import ExactMaterials, Modifiers
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME
@@ -33,6 +33,8 @@ from ..scene.traced_sides import Surface
 from . import material_inputs
 from .job import Job, Request, check_job, read_meshes
 
+OF_LAYOUT = (OUTSIDE, OVERLAP)
+"""The kinds that matter wherever the map is used."""
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
@@ -97,7 +99,9 @@ def viewport_findings(
         if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
             return []
         mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
-        return mesh_findings(mesh, low, layer, settings.sampling) if len(mesh.triangles) else []
+        if not len(mesh.triangles):
+            return []
+        return [*before_bake.find_in_layout(mesh, settings), *mesh_findings(mesh, low, layer, settings.sampling)]
 
 
 def flipped_findings(plan: Plan, timings: Timings) -> list[Finding]:
@@ -274,5 +278,4 @@ def _some_faces(obj: bpy.types.Object, most: int) -> Faces:
 
 def finding_warnings(findings: Sequence[Finding]) -> list[Sentence]:
     """The warnings about what harms."""
-    kinds = {FLIPPED: severity.FLIPPED, HARD_EDGES: "hard_edges"}
-    return [each.sentence.but(each.sentence, kind=kinds.get(each.kind, "")) for each in findings if each.harms]
+    return [each.sentence for each in findings if each.harms]

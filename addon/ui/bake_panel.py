@@ -9,19 +9,19 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..core.declarations.choices import Method, Space
 from ..core.declarations.map_settings import MAX_SIZE
-from ..core.errors import BakeError, shorten_list
+from ..core.errors import BakeError, named, shorten_list
 from ..core.naming import ATLAS
+from ..core.sentences import NOTE, WRONG
 from ..core.settings import Settings
 from ..jobs import fixes
 from ..jobs.job import check_materials, covers_detail
-from ..jobs.pair_checks import Finding
 from ..output import datablocks, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
 from . import object_pairs, results, sets_panel, several
 from .callbacks import until_change
 from .findings import findings
-from .fix_buttons import draw_button, draw_fixable
+from .fix_buttons import ICONS, RIGHT, Told, draw_button, draw_fixable, draw_list
 from .live import live
 from .modal import QuickOperator
 from .planned_images import count_images, filled, planned_images
@@ -268,7 +268,7 @@ def describe_bake(chosen: Chosen) -> str:
     }[settings.space]
     objects = {
         "low": repr(low.name),
-        "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
+        "highs": message("its own modifiers") if low in highs else named(high.name for high in highs),
     }
     first = planned_images(low, chosen.settings)[0]
     target = message("over the image {}") if datablocks.get(first.name) else message("into a new image {}")
@@ -302,15 +302,6 @@ def describe_several(context: bpy.types.Context, lows: Sequence[bpy.types.Object
     return f"{action.format(len(lows))}: {size}, {into.format(repr(first.name))}."
 
 
-def swap_warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
-    """Why the objects may be the wrong ones, in a sentence; empty if they seem right."""
-    if not object_checks.seem_swapped(low, highs):
-        return ""
-    return message(object_checks.SWAPPED).format(
-        low=repr(low.name), highs=shorten_list(repr(high.name) for high in highs)
-    )
-
-
 class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
     """The objects to bake, what the button takes from them, and the button. All above the button keeps its height."""
 
@@ -337,11 +328,10 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         reasons = {} if live.is_on else problems(context, all_chosen, lows[MOST_CHECKED:])
         problem = next(iter(reasons.values()), "") if len(reasons) == max(1, len(lows)) else ""
         is_planned = not (live.is_on or problem or chosen.low in reasons)
-        issues = _findings(context, chosen) if is_planned else []
-        notes = [*_material_notes(chosen), *_pose_notes(context, chosen)] if is_planned else []
+        told = findings.told(context, chosen) if is_planned else []
         column = layout.column()
         column.enabled = display.current is None and not live.is_on
-        _draw_slots(column, settings, _sign(problem, issues, notes))
+        _draw_slots(column, settings, _sign(problem, told))
         _draw_settings(layout, rows)
         _draw_button(layout, MAIN, chosen.settings, enabled=not problem)
         row = layout.row()
@@ -351,7 +341,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         if lows and not live.is_on:
             _draw_several(layout.box(), context, lows, all_chosen[0], reasons)
         else:
-            _draw_plan(layout.box(), context, chosen, problem, issues)
+            _draw_plan(layout.box(), context, chosen, problem, told)
         draw_batch(layout, context)
         if live.is_on and live.message:
             draw_fixable(layout.box(), context, live.message, "ERROR")
@@ -396,23 +386,11 @@ def _draw_button(
     return display.draw_operator(row, operator, enabled=enabled, text=text, translate=False, icon="RENDER_STILL")
 
 
-def _findings(context: bpy.types.Context, chosen: Chosen) -> list[Finding]:
-    return findings.of(context, chosen.low, chosen.highs, chosen.settings, is_exported=bool(chosen.panel.export))
-
-
-def _material_notes(chosen: Chosen) -> list[str]:
-    return findings.material_notes(chosen.low, chosen.highs, chosen.settings)
-
-
-def _pose_notes(context: bpy.types.Context, chosen: Chosen) -> list[str]:
-    return findings.pose_notes(context, chosen.low, chosen.highs, chosen.settings)
-
-
-def _sign(problem: str, issues: Sequence[Finding], notes: Sequence[str]) -> str:
+def _sign(problem: str, told: Sequence[Told]) -> str:
     """The icon of a pair: whether it can be baked, and will look right."""
-    if problem or notes or any(finding.harms for finding in issues):
-        return "ERROR"
-    return "INFO" if issues else "CHECKMARK"
+    if problem:
+        return ICONS[WRONG]
+    return ICONS[told[0].harm] if told and told[0].harm is not NOTE else RIGHT
 
 
 def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str) -> None:
@@ -430,7 +408,7 @@ def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str
 
 
 MOST_NOTES = 3
-"""The sentences about materials that the panel shows before a bake, whose report has all of them."""
+"""Low objects that cannot be baked, of several, that the panel names."""
 
 
 def _draw_plan(
@@ -438,25 +416,21 @@ def _draw_plan(
     context: bpy.types.Context,
     chosen: Chosen,
     problem: str,
-    issues: Sequence[Finding],
+    told: Sequence[Told],
 ) -> None:
     """What the button will do, or why it cannot, with buttons for what fixes it."""
     if live.is_on:
-        draw_fixable(box, context, live.description, "INFO")
+        draw_fixable(box, context, live.description, "BLANK1")
     elif problem:
         draw_fixable(box, context, problem, "ERROR")
         draw_remedy(box, context, chosen)
     else:
-        draw_paragraphs(box, context, [describe_bake(chosen)], "INFO")
+        draw_paragraphs(box, context, [describe_bake(chosen)], "BLANK1")
         box.label(text=count_images(chosen.low, chosen.settings), translate=False)
         draw_asset(box, chosen)
         _draw_switch(box, context, chosen)
-        draw_paragraphs(box, context, [swap_warning(chosen.low, chosen.highs)], "ERROR")
+        draw_list(box, context, told)
         draw_hidden(box, context, chosen.hidden(context))
-        for text in _pose_notes(context, chosen):
-            draw_fixable(box, context, text, "ERROR")
-        draw_findings(box, context, issues)
-        draw_paragraphs(box, context, _material_notes(chosen)[:MOST_NOTES], "ERROR")
         box.operator("imprint.look_at_high", icon="VIEWZOOM")
         draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
         if reports := results.all_of(context, chosen.low):
@@ -476,7 +450,7 @@ def _draw_several(
     """What the button will do with several low objects, and why it cannot with some."""
     settings = context.scene.imprint
     if len(reasons) < len(lows):
-        draw_paragraphs(box, context, [describe_several(context, lows)], "INFO")
+        draw_paragraphs(box, context, [describe_several(context, lows)], "BLANK1")
     for low, reason in list(reasons.items())[:MOST_NOTES]:
         draw_fixable(box, context, reason, "ERROR", low.name)
         if object_checks.lacks_uvs(low):
@@ -521,16 +495,8 @@ def draw_asset(layout: bpy.types.UILayout, chosen: Chosen) -> None:
 def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:
     """That high objects are hidden, which a bake reads nevertheless, and a button that shows them."""
     if hidden:
-        draw_paragraphs(layout, context, [describe_hidden(hidden)], "INFO")
+        draw_paragraphs(layout, context, [describe_hidden(hidden)], ICONS[NOTE])
         layout.operator("imprint.show_hidden", icon="HIDE_OFF")
-
-
-def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, issues: Sequence[Finding]) -> None:
-    """What is wrong with the low object for other programs, and a button that fixes it."""
-    for finding in issues:
-        text = message(finding.template).format(**finding.values)
-        draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
-        draw_button(layout, finding.kind)
 
 
 CLASSES = (

@@ -7,9 +7,11 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..core.report import Report
+from ..core.sentences import LOOK, NOTE, WRONG
 from ..jobs import fixes, masks
 from ..scene import evaluation, mesh_elements, reading
 from . import bake_results, results
+from .fix_buttons import ICONS, RIGHT, SIGNS
 from .modal import QuickOperator
 from .progress_display import display
 from .texts import SidebarPanel, draw_paragraphs, label, labeled, message, tooltip
@@ -203,10 +205,6 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
         return fixes.triangulate_sentence(report.low, *fixes.add_triangulate(context, report))
 
 
-ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
-"""Icon of each severity, and its rank."""
-
-
 class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     """The findings of the checks in the last bake."""
 
@@ -222,23 +220,23 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         report = results.of(context)
         if report is not None:
-            worst = max(report.checks.values(), key=lambda check: ICONS[_severity(check)][1], default={})
-            self.layout.label(text="", icon=ICONS[_severity(worst)][0])
+            icons = [_sign(report, kind) for kind in CHECKS]
+            self.layout.label(text="", icon=next((icon for icon in SIGNS if icon in icons), RIGHT))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, results.of(context)
         column = layout.column(align=True)
         for kind in CHECKS:
-            _draw_row(column, kind, report.checks[kind], report.low, context)
+            _draw_row(column, kind, report, context)
         row = layout.row()
         row.enabled = report.checks["polygons"]["count"] > 0
         row.operator("imprint.add_triangulate", icon="MOD_TRIANGULATE").low = report.low
 
 
-def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
+def _draw_row(column: bpy.types.UILayout, kind: str, report: Report, context: bpy.types.Context) -> None:
     """A check in a row: its icon, name and number, and the buttons that show where its findings are."""
-    row = column.row(align=True)
-    row.label(text=label(CHECKS[kind][0]), icon=ICONS[_severity(check)][0], translate=False)
+    row, check, low = column.row(align=True), report.checks[kind], report.low
+    row.label(text=label(CHECKS[kind][0]), icon=_sign(report, kind), translate=False)
     number = row.row()
     number.alignment = "RIGHT"
     number.label(text=_number(check), translate=False)
@@ -265,9 +263,15 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
         column.label(text=text, icon="BLANK1", translate=False)
 
 
-def _severity(check: dict) -> str:
-    """One of ICONS: the rating of the audit or, without a rating, whether there is a finding."""
-    return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
+def _sign(report: Report, kind: str) -> str:
+    """The icon of a check: that of its warning; without one, what it has found does no harm."""
+    check = report.checks.get(kind, {})
+    told = next((text for text in report.warnings if text.kind == kind), None)
+    if told is not None:
+        return ICONS[told.harm]
+    if check.get("severity") == WRONG:  # another warning says why
+        return ICONS[LOOK]
+    return ICONS[NOTE] if check.get("count") else RIGHT
 
 
 def _number(check: dict) -> str:

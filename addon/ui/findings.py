@@ -7,25 +7,42 @@ All of it is kept until an object changes, since a panel is drawn many times a s
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 
-from ..core.declarations.choices import Modifiers
-from ..core.sentences import NOTE, Sentence, by_harm
+from ..core import preflight
+from ..core.declarations.choices import Method, Modifiers
+from ..core.errors import Fix, shorten_list
+from ..core.sentences import LOOK, NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings
-from ..jobs import pair_checks
+from ..jobs import fixes, pair_checks
 from ..jobs.pair_checks import Finding
-from ..scene import poses, reading, render_view
+from ..scene import object_checks, poses, reading, render_view
 from ..scene.object_checks import ObjectRef
-from . import results
+from . import results, several
 from .callbacks import Timer, events, redraw
+from .fix_buttons import Told
 from .modal import QuickOperator, WaitingOperator
 from .progress_display import display
+from .texts import message
 
-POSE_SECONDS = 0.2
-"""Between a change and the measurement of poses for the panel."""
+if TYPE_CHECKING:
+    from .properties import Chosen
+
+WAIT, SLICE = 0.2, 0.02
+"""Seconds between a change and a look that takes longer than a redraw may, and between two looks."""
 MOST_POSED = 500_000
 """The vertices of a pair up to which the panel measures poses. A bake measures them in any case."""
+MOST_AT_ONCE = 20_000
+"""The corners of a low mesh up to which it is looked at while the panel is drawn: some hundredths of a second."""
+CHECKED = ("outside", "overlap")
+"""What is known of UVs before a bake, as its report calls it."""
+BY_RANK = attrgetter("rank")
+MOST_LOWS = 1000
+"""Low objects whose findings are kept."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +56,43 @@ class _Kept:
     """The session_uid of the objects and meshes whose changes make it old."""
     if_moved: bool = True
     """Whether a transform is such a change."""
+    is_known: bool = True
+    """Whether it was looked at: what takes long is so soon after it was asked for."""
 
 
 class PanelFindings:
-    """The findings for the low object of the panel."""
+    """What is known of pairs before they are baked."""
 
     def __init__(self):
         self.looks = 0
         """How often a mesh was looked at."""
-        self._kept: dict[str, _Kept] = {}
-        self._posed: list[ObjectRef] = []
-        """The objects whose poses are to be measured."""
-        self._is_measuring = False
-        self._timer = Timer(self.measure_poses)
+        self._kept: dict[tuple[str, int], _Kept] = {}
+        """By the name of the check and the session_uid of the low object; that of the panel alone has 0."""
+        self._asked: dict[tuple[str, int], Callable[[], list | None]] = {}
+        """What is to be looked at; it gives None where that cannot be done now."""
+        self._is_looking = False
+        self._timer = Timer(self.look)
         events.hear(depsgraph_update_post=self._after_update, undo_post=self.drop, redo_post=self.drop, end=self.drop)
+
+    def before(self, context: bpy.types.Context, chosen: "Chosen") -> list[Told]:
+        """What is known of a pair that can be baked, the worst first."""
+        low, highs, settings = chosen.low, chosen.highs, chosen.settings
+        issues = self.of(context, low, highs, settings, is_exported=bool(chosen.panel.export))
+        sentences = [
+            *self.pose_notes(context, low, highs, settings),
+            *self._unfit(low, highs, settings),
+            *self.material_notes(low, highs, settings),
+        ]
+        return sorted([*map(_told, issues), *_swapped(low, highs), *map(Told.of, sentences)], key=BY_RANK)
+
+    def told(self, context: bpy.types.Context, chosen: "Chosen") -> list[Told]:
+        """As `before`, with what the last bake has found and is not looked at before the next one."""
+        before, kept = self.before(context, chosen), self._kept.get(("low", chosen.low.session_uid))
+        known = {told.text for told in before}
+        looked_at = CHECKED if kept is not None and kept.is_known else ()
+        past = results.warnings_of(results.all_of(context, chosen.low))
+        after = [Told.of(text) for text in past if text.kind not in looked_at]
+        return sorted([*before, *(one for one in after if one.text not in known)], key=BY_RANK)
 
     def of(
         self,
@@ -63,8 +103,8 @@ class PanelFindings:
         *,
         is_exported: bool = False,
     ) -> list[Finding]:
-        """The findings for a bake of `low`: whether it is flipped, and more if other programs read the map. settings: of the
-        panel, valid.
+        """The findings for a bake of `low`: whether it is flipped, what its UVs lack, and more if other programs read the map.
+        settings: of the panel, valid.
 
         is_exported: as in pair_checks.is_for_others.
         """
@@ -72,26 +112,32 @@ class PanelFindings:
         flipped = self._known("flipped", *_key_of(low, highs), find=find)
         if not settings.tracing.keep_faces:  # the bake turns them over
             flipped = [each for each in flipped if not each.values["is_high"]]
+        found = self.of_low(context, low, low in highs, settings)
         if not pair_checks.is_for_others(settings, is_exported=is_exported):
-            return flipped
-        return flipped + pair_checks.unsolved_by_export(
-            self._of_low(context, low, low in highs, settings), is_exported=is_exported
-        )
+            found = [each for each in found if each.kind in pair_checks.OF_LAYOUT]
+        return flipped + pair_checks.unsolved_by_export(found, is_exported=is_exported)
 
-    def _of_low(
+    def of_low(
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
     ) -> list[Finding]:
-        """The findings in the low object alone."""
+        """The findings in the low object alone. A large mesh is looked at soon after this was asked for first."""
+        ref = ObjectRef.of(low)
 
         def find() -> list[Finding]:
+            found = ref.find()
+            if found is None:
+                return []
             self.looks += 1
-            return pair_checks.viewport_findings(context, low, settings, is_own_base=is_own_base)
+            return pair_checks.viewport_findings(bpy.context, found, settings, is_own_base=is_own_base)
 
         layer = settings.map.uv_layer or pair_checks.active_layer(low)
         # Names are in the sentences.
-        key = low.name, low.mode, is_own_base, layer, pair_checks.active_layer(low), settings.sampling.udim
+        key = low.name, low.mode, is_own_base, layer, pair_checks.active_layer(low), *_of_layout(settings)
         uids = low.session_uid, low.data.session_uid
-        return self._known("low", (*uids, *key), frozenset(uids), find=find, if_moved=False)
+        is_small = len(low.data.loops) <= MOST_AT_ONCE
+        return self._known(
+            "low", (*uids, *key), frozenset(uids), find=find, if_moved=False, uid=uids[0], is_later=not is_small
+        )
 
     def material_notes(self, low: bpy.types.Object, highs: list[bpy.types.Object], settings: Settings) -> list[str]:
         """What the maps will not have of the high objects' materials."""
@@ -115,78 +161,158 @@ class PanelFindings:
         if settings.map.rest_pose or not poses.may_differ(low, highs, for_render=for_render):
             return []
 
-        def find() -> list[str]:
-            self._posed = [ObjectRef.of(obj) for obj in (low, *highs)]
-            self._timer.start(POSE_SECONDS)
+        def measure() -> list[str]:
+            objects = [ref.find() for ref in refs]
+            if None in objects or any(obj.mode != "OBJECT" for obj in objects):
+                return []
+            if sum(len(obj.data.vertices) for obj in objects if obj.type == "MESH") > MOST_POSED:
+                return []
+            return poses.notes(bpy.context, objects[0], objects[1:], for_render=for_render)
+
+        refs = [ObjectRef.of(obj) for obj in (low, *highs)]
+        key, uids = _key_of(low, highs)
+        return self._known("poses", (*key, for_render), uids, find=measure, is_later=True)
+
+    def _unfit(self, low: bpy.types.Object, highs: list[bpy.types.Object], settings: Settings) -> list[Sentence]:
+        """Why the boxes of a pair do not fit, if rays may be cast: another unit, another axis up."""
+        method = settings.tracing.method
+        if method == Method.FLATTEN or low in highs or any(obj.type != "MESH" for obj in (low, *highs)):
             return []
 
+        def find() -> list[Sentence]:
+            least, most = several.boxes([low, *highs])
+            box = np.array([least[1:].min(axis=0), most[1:].max(axis=0)])
+            hint = preflight.placement_hint(np.array([least[0], most[0]]), box)
+            return rated([hint] if hint else [], WRONG if method == Method.CAST else LOOK, "unfit")
+
         key, uids = _key_of(low, highs)
-        return self._known("poses", (*key, for_render), uids, find=find)
+        return self._known("unfit", (*key, method), uids, find=find)
 
-    def measure_poses(self) -> None:
-        """Measure what `pose_notes` returns, unless objects have changed since, or other work is under way."""
-        kept = self._kept.get("poses")
-        if kept is None:
-            return
-        if render_view.is_busy():  # then it is measured later
-            del self._kept["poses"]
-            return
-        objects, screen = [ref.find() for ref in self._posed], bpy.context.screen
-        is_busy = display.current is not None or (screen is not None and screen.is_animation_playing)
-        if None in objects or is_busy or any(obj.mode != "OBJECT" for obj in objects):
-            return
-        if sum(len(obj.data.vertices) for obj in objects if obj.type == "MESH") > MOST_POSED:
-            return
-        self._is_measuring = True
+    def worst(self, context: bpy.types.Context, low: bpy.types.Object) -> Told | None:
+        """What tells of the most harm to the maps of `low`, for a row of a list; None where nothing but notes is known.
+
+        Its UVs are looked at soon after this was asked for first.
+        """
+        kept, panel = self._kept.get(("low", low.session_uid)), context.scene.imprint
+        if low.type == "MESH" and (kept is None or kept.key[-1] != panel.udim):
+            self._ask(("low", low.session_uid), partial(self._look_at, ObjectRef.of(low)))
+        found = [_told(one) for one in kept.found if one.kind in pair_checks.OF_LAYOUT] if kept is not None else []
+        past = results.warnings_of(results.all_of(context, low))
+        past = [one for one in past if kept is None or one.kind not in CHECKED]
+        found = sorted([*found, *map(Told.of, past)], key=BY_RANK)
+        return found[0] if found and found[0].harm is not NOTE else None
+
+    def _look_at(self, ref: ObjectRef) -> None:
+        """Look at a low object for `worst`."""
+        low, context = ref.find(), bpy.context
+        if low is not None:
+            chosen = context.scene.imprint.alone(context, low)
+            self.of_low(context, low, low in chosen.highs, chosen.settings)
+
+    def look(self) -> float | None:
+        """Look at one thing that was asked for, unless other work is under way. Returns the seconds until the next one."""
+        screen = bpy.context.screen
+        is_animated = screen is not None and screen.is_animation_playing
+        if not self._asked:
+            return None
+        if render_view.is_busy() or display.current is not None or is_animated:
+            return WAIT
+        find = self._asked.pop(next(iter(self._asked)))
+        self._is_looking = True
         try:
-            notes = poses.notes(bpy.context, objects[0], objects[1:], for_render=kept.key[-1])
+            find()
         finally:
-            self._is_measuring = False
-        self._kept["poses"] = replace(kept, found=notes)
+            self._is_looking = False
         redraw()
+        return SLICE if self._asked else None
 
-    def worst(self, context: bpy.types.Context, low: bpy.types.Object) -> Sentence | None:
-        """The sentence that tells of the most harm to the maps of `low`, for a row; None where nothing but notes is known."""
-        found = (text for report in results.all_of(context, low) for text in report.warnings)
-        return next((text for text in by_harm(found) if text.harm is not NOTE), None)
+    def _ask(self, place: tuple[str, int], look: Callable[[], object]) -> None:
+        """Have something looked at soon: a panel may not do it while it is drawn."""
+        self._asked[place] = look
+        self._timer.start(WAIT)
 
     def keep_look(self, low: bpy.types.Object, highs: list[bpy.types.Object], lines: list[str]) -> None:
         """Remember what a look at the high objects found, until one of the objects changes."""
         key, uids = _key_of(low, highs)
-        self._kept["look"] = _Kept(key, lines, uids)
+        self._kept["look", 0] = _Kept(key, lines, uids)
 
     def look_of(self, low: bpy.types.Object, highs: list[bpy.types.Object]) -> list[str]:
         """What the last look at these objects found; empty without one."""
-        kept = self._kept.get("look")
+        kept = self._kept.get(("look", 0))
         return kept.found if kept is not None and kept.key == _key_of(low, highs)[0] else []
 
     def _known(
-        self, name: str, key: tuple, follows: frozenset[int], *, find: Callable[[], list], if_moved: bool = True
+        self,
+        name: str,
+        key: tuple,
+        follows: frozenset[int],
+        *,
+        find: Callable[[], list],
+        if_moved: bool = True,
+        uid: int = 0,
+        is_later: bool = False,
     ) -> list:
-        """What was found the last time for the same key, or else what `find` finds. The others: as in _Kept."""
-        kept = self._kept.get(name)
+        """What was found the last time for the same key, or else what `find` finds: now, or later and nothing now.
+
+        The others: as in _Kept and in `_kept`.
+        """
+        place = name, uid
+        kept = self._kept.get(place)
         if kept is None or kept.key != key:
-            kept = self._kept[name] = _Kept(key, find(), follows, if_moved)
+            if len(self._kept) > MOST_LOWS:
+                del self._kept[next(iter(self._kept))]
+            later = is_later and not self._is_looking
+            kept = self._kept[place] = _Kept(key, [] if later else find(), follows, if_moved, not later)
+            if later:
+                self._ask(place, partial(self._find_again, place, key, find))
         return kept.found
+
+    def _find_again(self, place: tuple[str, int], key: tuple, find: Callable[[], list]) -> None:
+        """Find what `_known` left for later, unless the objects have changed since."""
+        kept = self._kept.get(place)
+        if kept is not None and kept.key == key:
+            self._kept[place] = replace(kept, found=find(), is_known=True)
 
     def drop(self, *_) -> None:
         """Forget the findings."""
-        self._kept = {name: kept for name, kept in self._kept.items() if name == "poses" and self._is_measuring}
+        if not self._is_looking:
+            self._kept, self._asked = {}, {}
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        if not self._kept or self._is_measuring:
+        if not self._kept or self._is_looking:
             return
         moved, changed = set(), set()
         for update in depsgraph.updates:
             if isinstance(update.id, (bpy.types.Material, bpy.types.NodeTree)):
-                self._kept.pop("materials", None)
+                self._kept.pop(("materials", 0), None)
             if update.is_updated_transform:
                 moved.add(update.id.original.session_uid)
             if update.is_updated_geometry or isinstance(update.id, bpy.types.Mesh):
                 changed.add(update.id.original.session_uid)
-        for name, kept in list(self._kept.items()):
+        for place, kept in list(self._kept.items()):
             if not kept.follows.isdisjoint(changed | moved if kept.if_moved else changed):
-                del self._kept[name]
+                del self._kept[place]
+
+
+def _told(finding: Finding) -> Told:
+    """A finding as panels show it."""
+    text, sentence = message(finding.template).format(**finding.values), finding.sentence
+    return Told(text, sentence.harm, sentence.kind, sentence.share, _fixes(finding))
+
+
+def _fixes(finding: Finding) -> tuple[str, ...]:
+    """The buttons of a finding."""
+    if finding.kind == pair_checks.OUTSIDE:
+        return (Fix.UDIM.name,) if finding.fits_udim else ()
+    return (fixes.UNWRAP if finding.kind == pair_checks.OVERLAP else finding.kind,)
+
+
+def _swapped(low: bpy.types.Object, highs: list[bpy.types.Object]) -> list[Told]:
+    """Why the objects may be the wrong ones; empty if they seem right."""
+    if not object_checks.seem_swapped(low, highs):
+        return []
+    names = shorten_list(repr(high.name) for high in highs)
+    return [Told(message(object_checks.SWAPPED).format(low=repr(low.name), highs=names), LOOK)]
 
 
 def _key_of(low: bpy.types.Object, highs: list[bpy.types.Object]) -> tuple[tuple, frozenset[int]]:
@@ -195,6 +321,19 @@ def _key_of(low: bpy.types.Object, highs: list[bpy.types.Object]) -> tuple[tuple
     uids = [(obj.session_uid, obj.data.session_uid if obj.data else 0) for obj in objects]
     key = tuple((*each, obj.name, obj.mode) for each, obj in zip(uids, objects, strict=True))
     return key, frozenset(uid for each in uids for uid in each)
+
+
+def _of_layout(settings: Settings) -> tuple:
+    """The settings that decide what UVs lack."""
+    sampling = settings.sampling
+    return (
+        sampling.tiles,
+        sampling.wrap,
+        settings.map.space,
+        settings.map.normal,
+        settings.map.drawn_maps,
+        sampling.udim,
+    )
 
 
 findings = PanelFindings()

@@ -1,15 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The buttons that fix what a warning, an error or a finding names."""
+"""Sentences with their signs, and the buttons that fix what they name."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..core.declarations.choices import Storage
-from ..core.errors import UNWRAPS, BakeError, Fix, in_window
+from ..core.errors import UNWRAPS, BakeError, Fix, in_window, shorten_list
+from ..core.sentences import LOOK, NOTE, RANKS, WRONG, Harm, Sentence, gist
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
+from .callbacks import registering
 from .modal import QuickOperator, WaitingOperator
-from .texts import draw_paragraphs, label, labeled, tooltip
+from .texts import draw_paragraphs, label, labeled, message, tooltip
+
+ICONS = {WRONG: "ERROR", LOOK: "INFO", NOTE: "BLANK1"}
+"""The sign of each severity, everywhere."""
+RIGHT = "CHECKMARK"
+"""That of what is right."""
+SIGNS = (ICONS[WRONG], ICONS[LOOK], RIGHT)
+"""Those of rows, from the worst."""
+
+MOST_SHOWN = 3
+"""Sentences of a list that are not behind a fold."""
 
 FIXES = {
     "FLIPPED": (
@@ -103,13 +119,31 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
     low: labeled(
         StringProperty, "Low", "Name of the low object; empty for the slot or the active object", options={"SKIP_SAVE"}
     )
+    lows: labeled(
+        StringProperty, "Low Objects", "Names of low objects that need the same, in JSON", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return tooltip(FIXES[properties.kind][1])
 
     def apply(self, context: bpy.types.Context) -> str:
-        chosen = context.scene.imprint.chosen(context, object_by_name(self.low) if self.low else None)
+        lows = json.loads(self.lows) if self.lows else [self.low]
+        done, failures = [], []
+        for low in lows:
+            try:
+                done.append(self._fix(context, low, is_alone=len(lows) == 1))
+            except BakeError as error:
+                failures.append(str(error))
+        if not done:
+            raise BakeError(failures[0])
+        for text in failures:
+            self.report({"WARNING"}, text)
+        return shorten_list(dict.fromkeys(done), 1)
+
+    def _fix(self, context: bpy.types.Context, name: str, *, is_alone: bool) -> str:
+        """Fix one low object. name: empty for that of the panel. Returns what was done. Raises BakeError."""
+        chosen = context.scene.imprint.chosen(context, object_by_name(name) if name else None)
         if chosen.low is None or chosen.low.type != "MESH":
             raise BakeError("No low object: select it, or fill the slot.")
         change = Fix.__members__.get(self.kind)
@@ -119,7 +153,7 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
             chosen.panel.storage = Storage.PACK
         owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
         setattr(owner, change.setting, change.new_value)
-        if change is Fix.REST_POSE:
+        if change is Fix.REST_POSE and is_alone:
             return self._bake(chosen.low)
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 
@@ -132,21 +166,100 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
         return ""
 
 
+@dataclass(frozen=True)
+class Told:
+    """A sentence as panels show it.
+
+    Attributes:
+        text: In the language of the interface, without what fixes it in a shell.
+        harm: How much it tells of.
+        kind, share: What it is about, and of how much, as Sentence has them.
+        fixes: Keys of FIXES: its buttons.
+        lows: The names of the low objects that it is true of; empty for that of the panel.
+    """
+
+    text: str
+    harm: Harm
+    kind: str = ""
+    share: float = 0.0
+    fixes: tuple[str, ...] = ()
+    lows: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, sentence: str) -> "Told":
+        """A sentence of a report, a check or an error."""
+        sentence = Sentence.of(sentence)
+        text, fix = in_window(sentence)
+        kinds = filter(None, (fixes.UNWRAP if UNWRAPS in sentence else "", fix))
+        return cls(message(text), sentence.harm, sentence.kind, sentence.share, tuple(kinds))
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Its place in a list, from the worst."""
+        return RANKS[self.harm], -self.share
+
+
+def grouped(found: Iterable[tuple[str, Told]]) -> list[Told]:
+    """Sentences with the names of their low objects, which may be empty: those that say the same are one, the worst first."""
+    groups: dict[tuple, list[tuple[str, Told]]] = {}
+    for low, told in found:
+        groups.setdefault((told.harm, gist(told.text), told.fixes), []).append((low, told))
+    joined = []
+    for group in groups.values():
+        worst = min((told for _, told in group), key=lambda each: each.rank)
+        count = len({low or told.text for low, told in group})
+        text = message("In {} low objects: {}").format(count, worst.text) if count > 1 else worst.text
+        lows = tuple(dict.fromkeys(low for low, _ in group if low))
+        joined.append((-count, replace(worst, text=text, lows=lows)))
+    return [told for _, told in sorted(joined, key=lambda each: (RANKS[each[1].harm], each[0], -each[1].share))]
+
+
+def draw_told(
+    layout: bpy.types.UILayout, context: bpy.types.Context, told: Told, *, is_below_row: bool = False
+) -> None:
+    """A sentence with its sign, and its buttons. is_below_row: whether a row above it has the sign."""
+    draw_paragraphs(layout, context, [told.text], "BLANK1" if is_below_row else ICONS[told.harm])
+    for kind in told.fixes:
+        draw_button(layout, kind, *told.lows)
+
+
+def draw_list(layout: bpy.types.UILayout, context: bpy.types.Context, told: Sequence[Told]) -> None:
+    """Sentences, sorted: the worst ones, and behind a fold the others."""
+    manager = context.window_manager
+    shown = told if manager.imprint_shows_all else told[:MOST_SHOWN]
+    for each in shown:
+        draw_told(layout, context, each)
+    if len(told) > MOST_SHOWN:
+        row = layout.row()
+        row.alignment = "LEFT"
+        text = message("And {} more").format(len(told) - MOST_SHOWN)
+        icon = "DISCLOSURE_TRI_DOWN" if manager.imprint_shows_all else "DISCLOSURE_TRI_RIGHT"
+        row.prop(manager, "imprint_shows_all", text=text, translate=False, icon=icon, emboss=False)
+
+
 def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str, low: str = "") -> None:
     """A sentence of a report or an error, without what fixes it in a shell, and the buttons that fix it. low: the name of the
     low object; empty for that of the panel."""
-    shown, kind = in_window(text)
-    draw_paragraphs(layout, context, [shown], icon)
-    for each in filter(None, (fixes.UNWRAP if UNWRAPS in text else "", kind)):
-        draw_button(layout, each, low)
+    told = Told.of(text)
+    draw_paragraphs(layout, context, [told.text], icon)
+    for kind in told.fixes:
+        draw_button(layout, kind, *filter(None, [low]))
 
 
-def draw_button(layout: bpy.types.UILayout, kind: str, low: str = "") -> None:
-    """The button of a kind of FIXES."""
+def draw_button(layout: bpy.types.UILayout, kind: str, *lows: str) -> None:
+    """The button of a kind of FIXES. lows: the names of the low objects that it is for; none for that of the panel."""
     name, _, icon = FIXES[kind]
     button = layout.operator("imprint.fix", text=label(name), translate=False, icon=icon)
-    button.kind, button.low = kind, low
+    button.kind = kind
+    button.low, button.lows = (lows[0] if len(lows) == 1 else ""), (json.dumps(lows) if len(lows) > 1 else "")
 
 
 CLASSES = (IMPRINT_OT_fix,)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register, unregister = registering(
+    CLASSES,
+    properties={
+        "WindowManager.imprint_shows_all": labeled(
+            BoolProperty, "Show All", "Show all that is known of the bake, not only the worst", options={"SKIP_SAVE"}
+        )
+    },
+)

@@ -18,6 +18,7 @@ from .. import older_blender
 from ..core import progress
 from ..core.errors import BakeError, in_window, sentence
 from ..core.progress import Pace, Progress, Task
+from ..core.sentences import NOTE, by_harm
 from ..engine import gpu_memory
 from .callbacks import Key, Timer, events
 from .held_files import held_files
@@ -238,10 +239,11 @@ class MapOperator(SlicedOperator):
     def show(self, context: bpy.types.Context, lines: Iterable[str], warnings: Iterable[str]) -> None:
         """Show the lines of a summary and warnings in the status bar, the Info editor and the panel."""
         manager, lines = context.window_manager, list(lines)
-        warnings = [in_window(warning)[0] for warning in warnings]
-        for warning in warnings:
-            self.report({"WARNING"}, warning)
         self.report({"INFO"}, ". ".join(lines))
+        rated = by_harm(warnings)
+        for warning in reversed(rated):  # the status bar shows the last report
+            self.report({"INFO" if warning.harm is NOTE else "WARNING"}, in_window(warning)[0])
+        warnings = [in_window(warning)[0] for warning in rated]
         manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
 
 

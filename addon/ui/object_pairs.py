@@ -28,6 +28,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatPrope
 
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
+from ..core.sentences import WRONG, rated
 from ..jobs import part_state
 from ..jobs.job import Job
 from ..scene import object_checks
@@ -252,10 +253,17 @@ def _read(text: str) -> tuple[Report, ...]:
     """Reports from JSON. Those of another version of Imprint are left out if their keys mean something else."""
     known = {field.name for field in fields(Report)}
     return tuple(
-        Report(**{name: value for name, value in values.items() if name in known})
+        Report(**_rated({name: value for name, value in values.items() if name in known}))
         for values in (json.loads(text) if text else ())
         if values["version"] == VERSION
     )
+
+
+def _rated(values: dict) -> dict:
+    """The keys of a report. Earlier ones did not say how much harm a warning tells of: all had the same sign."""
+    if "ratings" in values:
+        return values
+    return values | {"warnings": rated(values.get("warnings", ()), WRONG)}
 
 
 def with_own(job: Job) -> Job:

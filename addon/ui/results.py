@@ -2,12 +2,13 @@
 """The reports of the last bake of each low object, one for each texture set, which object_pairs stores in the file."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import bpy
 
 from ..core.report import Report
+from ..core.sentences import Sentence, by_harm
 from . import object_pairs
 from .callbacks import events
 
@@ -63,6 +64,11 @@ def all_of(context: bpy.types.Context, low: bpy.types.Object | None = None) -> l
     """The reports of the last bake onto `low`: one for each texture set. low: by default, the low object of the panel."""
     pair = object_pairs.of(low or context.scene.imprint.low or context.active_object)
     return pair.reports() if pair is not None else []
+
+
+def warnings_of(reports: Iterable[Report]) -> list[Sentence]:
+    """The warnings of reports and of their exported files, each of them once, the worst first."""
+    return by_harm(text for each in reports for text in (*each.warnings, *each.export.get("warnings", ())))
 
 
 def of(context: bpy.types.Context, low: bpy.types.Object | None = None) -> Report | None:

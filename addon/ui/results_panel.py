@@ -2,15 +2,16 @@
 """The panels about what was baked: the results of all low objects, and the report of the last bake of one."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import bpy
 
-from ..core.errors import in_window
 from ..core.report import Report
+from ..core.sentences import LOOK, NOTE, WRONG
 from ..output import materials
 from ..scene import reading
 from . import bake_results, object_pairs, results
-from .fix_buttons import draw_fixable
+from .fix_buttons import ICONS, RIGHT, SIGNS, Told, draw_told, grouped
 from .held_files import held_files
 from .results import high_objects
 from .texts import SidebarPanel, draw_paragraphs, message
@@ -44,60 +45,75 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_left_out(layout: bpy.types.UILayout, context: bpy.types.Context, left_out: Sequence[tuple[str, str]]) -> None:
-    """What the last bake of pairs left out, and why."""
-    for low, reason in left_out:
-        if low:
+    """What the last bake of pairs left out, and why: equal reasons once."""
+    for each in _reasons(left_out):
+        for low in each.lows:
             row = layout.row(align=True)
             button = row.operator("imprint.select_result", text=low, translate=False, icon=ICONS[WRONG])
             button.low = low
             mark = row.row()
             mark.alignment = "RIGHT"
             mark.label(text=message("not baked"), translate=False)
-        draw_fixable(layout, context, reason, "BLANK1" if low else ICONS[WRONG], low)
+        draw_told(layout, context, each, is_below_row=bool(each.lows))
+
+
+def _reasons(left_out: Iterable[tuple[str, str]]) -> list[Told]:
+    """Why low objects were left out."""
+    return grouped((low, replace(Told.of(reason), harm=WRONG)) for low, reason in left_out)
 
 
 MOST_WRONG = 6
-"""Pairs that the main panel names after a bake of pairs, of those that were left out and of those with warnings."""
+"""Sentences of the main panel after a bake of pairs, about those that were left out and those with warnings."""
 
 
 def draw_batch(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Which pairs of the last bake of pairs are wrong, and why, in a box. Nothing if none is, and after another bake."""
+    """Which pairs of the last bake of pairs are wrong, and why, in a box, the worst first. Nothing if none is, and after
+    another bake."""
     batch = results.batch()
     warned = [
-        (low.name, _warnings(reports)[0])
+        (low.name, Told.of(told[0]))
         for low, reports in results.of_scene(context)
-        if low.name in batch.baked and sign(reports) == WRONG
+        if low.name in batch.baked and (told := results.warnings_of(reports)) and told[0].harm is not NOTE
     ]
     if not (batch.baked and (batch.left_out or warned)):
         return
     box, number = layout.box(), len(batch.baked) + len(batch.left_out)
-    for text, pairs in (
-        (message("Not baked: {} of {} low objects"), batch.left_out),
-        (message("With warnings: {} of {} low objects"), warned),
+    for text, count, told in (
+        (message("Not baked: {} of {} low objects"), len(batch.left_out), _reasons(batch.left_out)),
+        (message("With warnings: {} of {} low objects"), len(warned), grouped(warned)),
     ):
-        if pairs:
-            box.label(text=text.format(len(pairs), number), icon=ICONS[WRONG], translate=False)
-            lines = [_of_low(low, in_window(reason)[0]) for low, reason in pairs[:MOST_WRONG]]
-            if len(pairs) > MOST_WRONG:
-                lines.append(message("And {} more in Results").format(len(pairs) - MOST_WRONG))
-            draw_paragraphs(box, context, lines, "BLANK1")
+        if told:
+            box.label(text=text.format(count, number), icon=ICONS[told[0].harm], translate=False)
+            for each in told[:MOST_WRONG]:
+                named = replace(each, text=_of_low(each), fixes=each.fixes if each.lows else ())
+                draw_told(box, context, named, is_below_row=True)
+            if len(told) > MOST_WRONG:
+                more = message("And {} more in Results").format(len(told) - MOST_WRONG)
+                box.label(text=more, icon="BLANK1", translate=False)
 
 
-def _of_low(low: str, sentence: str) -> str:
+def _of_low(told: Told) -> str:
     """A sentence that names its low object."""
-    return sentence if not low or repr(low) in sentence else f"{low}: {sentence}"
+    low = told.lows[0] if len(told.lows) == 1 else ""
+    return told.text if not low or repr(low) in told.text else f"{low}: {told.text}"
 
 
 def _draw_list(
     layout: bpy.types.UILayout, context: bpy.types.Context, listed: Sequence[tuple[bpy.types.Object, list[Report]]]
 ) -> None:
-    """A row for each result: its sign, the low object, the number of its maps, and the time; below it why it is wrong."""
+    """What is wrong with several low objects, the worst first, and a row for each: its sign, the low object, the number of its
+    maps, and the time; below it what is wrong with it alone."""
     box, current = layout.box(), context.scene.imprint.low or context.active_object
-    ordered = sorted(listed, key=lambda result: RANKS.index(sign(result[1])))
+    worst = {low.name: results.warnings_of(reports)[:1] for low, reports in listed}
+    told = grouped((low, Told.of(found[0])) for low, found in worst.items() if found and found[0].harm is not NOTE)
+    alone = {each.lows[0]: each for each in told if len(each.lows) == 1}
+    for each in [each for each in told if len(each.lows) > 1][:MOST_WRONG]:
+        draw_told(box, context, each)
+    ordered = sorted(listed, key=lambda result: SIGNS.index(sign(result[1])))
     for low, reports in ordered[:MOST]:
-        row, verdict = box.row(align=True), sign(reports)
+        row = box.row(align=True)
         button = row.operator(
-            "imprint.select_result", text=low.name, translate=False, icon=ICONS[verdict], depress=low == current
+            "imprint.select_result", text=low.name, translate=False, icon=sign(reports), depress=low == current
         )
         button.low = low.name
         maps = len({name for report in reports for name in report.images})
@@ -105,27 +121,18 @@ def _draw_list(
         number.alignment = "RIGHT"
         text = (message("1 map") if maps == 1 else message("{} maps")).format(maps) + f", {_seconds(reports)}"
         number.label(text=text, translate=False)
-        if verdict == WRONG:
-            draw_fixable(box, context, _warnings(reports)[0], "BLANK1", low.name)
+        if low.name in alone:
+            draw_told(box, context, alone[low.name], is_below_row=True)
     if len(ordered) > MOST:
         box.label(text=message("And {} more without warnings").format(len(ordered) - MOST), translate=False)
 
 
-RIGHT, LOOK, WRONG = "RIGHT", "LOOK", "WRONG"
-"""The signs of a result."""
-RANKS = (WRONG, LOOK, RIGHT)
-ICONS = {RIGHT: "CHECKMARK", LOOK: "INFO", WRONG: "ERROR"}
-_LOOKED_AT = ("uncovered", "unsure", "backwards")
-"""The checks of texels that make a result worth a look."""
-
-
 def sign(reports: Sequence[Report]) -> str:
-    """WRONG with a warning, LOOK if an image is gone or a check of the texels is worth a look, else RIGHT."""
-    if _warnings(reports):
-        return WRONG
+    """The icon of a result: that of its worst warning, or of one to look at if an image is gone."""
+    told = results.warnings_of(reports)
     is_gone = any(name not in bpy.data.images for report in reports for name in report.images)
-    checks = (report.checks.get(kind, {}) for report in reports for kind in _LOOKED_AT)
-    return LOOK if is_gone or any(check.get("severity") == "LOOK" for check in checks) else RIGHT
+    found = {ICONS[text.harm] for text in told if text.harm is not NOTE} | ({ICONS[LOOK]} if is_gone else set())
+    return next((icon for icon in SIGNS if icon in found), RIGHT)
 
 
 def _seconds(reports: Sequence[Report]) -> str:
@@ -163,13 +170,13 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
 
 def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     """The number of warnings, or else the covered share, and the time."""
-    number = len(_warnings(reports))
+    number = sum(text.harm is not NOTE for text in results.warnings_of(reports))
     if number:
         line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
     else:
         line = message("{} covered").format(f"{reports[0].coverage:.0%}")
     line += f", {_seconds(reports)}"
-    layout.label(text=line, icon=ICONS[sign(reports)], translate=False)
+    layout.label(text=line, icon=sign(reports), translate=False)
 
 
 def _of_live(report: Report) -> list[str]:
@@ -192,12 +199,6 @@ def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
         button.image = name
 
 
-def _warnings(reports: Sequence[Report]) -> list[str]:
-    """The warnings of all reports and of the exported file, each of them once."""
-    warnings = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
-    return list(dict.fromkeys(warnings))
-
-
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
     """What the last bake did, and its warnings."""
 
@@ -212,8 +213,8 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         reports = results.all_of(context)
-        for warning in _warnings(reports):
-            draw_fixable(self.layout, context, warning, "ERROR")
+        for text in results.warnings_of(reports):
+            draw_told(self.layout, context, Told.of(text))
         for report in reports:
             draw_paragraphs(self.layout, context, report.summary(reading.lengths_of(context.scene)), "DOT")
 

@@ -71,7 +71,7 @@ def lie_over(objects: Sequence[bpy.types.Object]) -> bool:
     """Whether two of them lie over one another, so that one may be high."""
     if len(objects) < 2:
         return False
-    least, most = _boxes(objects)
+    least, most = boxes(objects)
     diagonal = np.linalg.norm(most - least, axis=1, keepdims=True)
     thin = np.maximum(0.0, FLAT * diagonal - (most - least)) / 2.0
     least, most = least - thin, most + thin
@@ -90,7 +90,7 @@ def _volumes(sides: np.ndarray) -> np.ndarray:
     return sides[:, 0] * sides[:, 1] * sides[:, 2]
 
 
-def _boxes(objects: Sequence[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
+def boxes(objects: Sequence[bpy.types.Object]) -> tuple[np.ndarray, np.ndarray]:
     """The least and the most coordinates (N, 3) of the boxes of objects, in world space."""
     ends = np.array([[(*box[0],), (*box[6],)] for box in (obj.bound_box for obj in objects)])
     matrices = np.array([[(*row,) for row in obj.matrix_world] for obj in objects])

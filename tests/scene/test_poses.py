@@ -422,13 +422,13 @@ def test_the_panel_says_it_before_the_bake():
     bpy.context.view_layer.update()
     shown = [bpy.context, low, [high], panel.to_settings()]
     assert not findings.pose_notes(*shown)
-    findings.measure_poses()
+    findings.look()
     assert not findings.pose_notes(*shown)
     turn(armature, 0.4)
     bpy.context.view_layer.update()
     before, expected = snapshot(), said(low, high)
     assert not findings.pose_notes(*shown)
-    findings.measure_poses()
+    findings.look()
     assert not difference(before, snapshot())
     assert findings.pose_notes(*shown) == expected
     drawn = panel_layout.draw(width=2000)

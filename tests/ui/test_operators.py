@@ -302,7 +302,7 @@ def test_a_low_object_with_more_faces_than_the_high_one_raises_a_warning(pair):
     drawn = draw()
     assert can_bake(drawn)  # it may be on purpose
     assert "'fine' has more faces than 'hi'. Are they swapped?" in drawn.text
-    assert "ERROR" in drawn.icons
+    assert "INFO" in drawn.icons
     high.modifiers.new("", "SUBSURF")  # only an evaluation shows how many faces it makes
     assert "faces than" not in draw().text
 

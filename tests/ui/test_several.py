@@ -217,7 +217,7 @@ def test_textures_are_read_by_their_own_uv_map_after_an_unwrap(props):
 def counted(monkeypatch):
     """How often a redraw measures boxes, and reads the settings."""
     calls = []
-    for owner, name in ((several, "_boxes"), (properties.ImprintSettings, "to_settings")):
+    for owner, name in ((several, "boxes"), (properties.ImprintSettings, "to_settings")):
         original = getattr(owner, name)
         monkeypatch.setattr(
             owner,
@@ -230,10 +230,10 @@ def counted(monkeypatch):
 def test_boxes_are_measured_only_where_an_object_has_changed(props, counted):
     panel_layout.draw()
     panel_layout.draw()
-    assert counted.count("_boxes") == 1
+    assert counted.count("boxes") == 1
     props[1].location.x = 0.1
     drawn()
-    assert counted.count("_boxes") == 2
+    assert counted.count("boxes") == 3  # now that they lie over one another, whether the pair fits, too
     assert list(chosen()) == ["lamp"]
     props[1].location.x = 2.0
     bpy.context.view_layer.update()

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counts on the CPU how many texels of a coarse map two or more triangles share, for what a panel says before a bake."""
+
+import numpy as np
+
+from ..core import udim
+from .triangle_mesh import Mesh
+
+SIDE = 256
+"""Texels a side."""
+PAIRS_AT_ONCE = 2**20
+"""Pairs of a triangle and a texel of its box that are looked at together."""
+MOST_PAIRS = 2**24
+"""Pairs, above which fewer texels a side are counted: large triangles lie over one another, so that few texels tell it."""
+INSIDE = 1e-6
+"""In texels, twice an area: what lies on an edge belongs to neither triangle."""
+
+
+def shared(mesh: Mesh, tile: int = udim.FIRST, side: int = SIDE) -> tuple[int, int]:
+    """How many of side * side texels of a UDIM tile have a triangle at their center, and how many of these have two or more."""
+    corners = (mesh.uv[mesh.triangles].astype(np.float64) - udim.place(tile)) * side
+    with np.errstate(invalid="ignore"):
+        first = np.clip(np.ceil(corners.min(axis=1) - 0.5), 0.0, side)
+        stop = np.clip(np.floor(corners.max(axis=1) - 0.5) + 1.0, 0.0, side)
+        sides = np.maximum(stop - first, 0.0)
+    sides[~np.isfinite(sides).all(axis=1)] = 0.0
+    number = sides.prod(axis=1).astype(np.int64)
+    if number.sum() > MOST_PAIRS and side > 1:
+        return shared(mesh, tile, side // 2)
+    chosen = np.flatnonzero(number)
+    ends = np.cumsum(number[chosen])
+    counts = np.zeros(side * side, np.int64)
+    most = int(ends[-1]) if len(ends) else 0
+    for block in np.split(chosen, np.searchsorted(ends, range(PAIRS_AT_ONCE, most, PAIRS_AT_ONCE))):
+        counts += _counted(corners[block], first[block].astype(int), sides[block].astype(int), side)
+    return int(np.count_nonzero(counts)), int(np.count_nonzero(counts > 1))
+
+
+def _counted(corners: np.ndarray, first: np.ndarray, sides: np.ndarray, side: int) -> np.ndarray:
+    """How many of the triangles (T, 3, 2), in texels, have each texel's center inside. first, sides: their boxes (T, 2)."""
+    number = sides.prod(axis=1)
+    which = np.repeat(np.arange(len(number)), number)
+    place = np.arange(len(which)) - np.repeat(np.cumsum(number) - number, number)
+    v, u = np.divmod(place, sides[which, 0])
+    u, v = u + first[which, 0], v + first[which, 1]
+    centers = np.stack([u, v], axis=1) + 0.5
+    a, b, c = (corners[which, corner] for corner in range(3))
+    areas = np.stack([_area(a, b, centers), _area(b, c, centers), _area(c, a, centers)])
+    is_inside = (areas > INSIDE).all(axis=0) | (areas < -INSIDE).all(axis=0)
+    return np.bincount((v * side + u)[is_inside], minlength=side * side)
+
+
+def _area(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:
+    (ux, uy), (vx, vy) = (b - a).T, (point - a).T
+    return ux * vy - uy * vx
