@@ -4,7 +4,7 @@
 All of it is kept until an object changes, since a panel is drawn many times a second.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -22,9 +22,9 @@ from ..jobs import fixes, pair_checks
 from ..jobs.pair_checks import Finding
 from ..scene import object_checks, poses, reading, render_view
 from ..scene.object_checks import ObjectRef
-from . import results, several
+from . import object_pairs, results, several
 from .callbacks import Timer, events, redraw
-from .fix_buttons import Told
+from .fix_buttons import Told, grouped
 from .modal import QuickOperator, WaitingOperator
 from .progress_display import display
 from .texts import message
@@ -41,8 +41,8 @@ MOST_AT_ONCE = 20_000
 CHECKED = ("outside", "overlap")
 """What is known of UVs before a bake, as its report calls it."""
 BY_RANK = attrgetter("rank")
-MOST_LOWS = 1000
-"""Low objects whose findings are kept."""
+MOST_KEPT = 4000
+"""Of all low objects."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +90,8 @@ class PanelFindings:
         before, kept = self.before(context, chosen), self._kept.get(("low", chosen.low.session_uid))
         known = {told.text for told in before}
         looked_at = CHECKED if kept is not None and kept.is_known else ()
-        past = results.warnings_of(results.all_of(context, chosen.low))
-        after = [Told.of(text) for text in past if text.kind not in looked_at]
-        return sorted([*before, *(one for one in after if one.text not in known)], key=BY_RANK)
+        after = [told for told in self._past(context, chosen.low) if told.kind not in looked_at]
+        return sorted([*before, *(told for told in after if told.text not in known)], key=BY_RANK)
 
     def of(
         self,
@@ -197,10 +196,26 @@ class PanelFindings:
         if low.type == "MESH" and (kept is None or kept.key[-1] != panel.udim):
             self._ask(("low", low.session_uid), partial(self._look_at, ObjectRef.of(low)))
         found = [_told(one) for one in kept.found if one.kind in pair_checks.OF_LAYOUT] if kept is not None else []
-        past = results.warnings_of(results.all_of(context, low))
-        past = [one for one in past if kept is None or one.kind not in CHECKED]
-        found = sorted([*found, *map(Told.of, past)], key=BY_RANK)
-        return found[0] if found and found[0].harm is not NOTE else None
+        found += [told for told in self._past(context, low) if kept is None or told.kind not in CHECKED]
+        worst = min(found, key=BY_RANK, default=None)
+        return worst if worst is not None and worst.harm is not NOTE else None
+
+    def of_several(self, context: bpy.types.Context, lows: Iterable[bpy.types.Object]) -> list[Told]:
+        """The worst of each of several low objects: those that say the same are one, the worst first."""
+        return grouped((low.name, worst) for low in lows if (worst := self.worst(context, low)) is not None)
+
+    def _past(self, context: bpy.types.Context, low: bpy.types.Object) -> list[Told]:
+        """What the last bake of a low object has found."""
+        pair = object_pairs.of(low)
+        if pair is None or not pair.baked:
+            return []
+
+        def find() -> list[Told]:
+            return [Told.of(text) for text in results.warnings_of(results.all_of(context, low))]
+
+        return self._known(
+            "past", (pair.baked, bpy.app.translations.locale), frozenset(), find=find, uid=low.session_uid
+        )
 
     def _look_at(self, ref: ObjectRef) -> None:
         """Look at a low object for `worst`."""
@@ -259,7 +274,7 @@ class PanelFindings:
         place = name, uid
         kept = self._kept.get(place)
         if kept is None or kept.key != key:
-            if len(self._kept) > MOST_LOWS:
+            if len(self._kept) > MOST_KEPT:
                 del self._kept[next(iter(self._kept))]
             later = is_later and not self._is_looking
             kept = self._kept[place] = _Kept(key, [] if later else find(), follows, if_moved, not later)
