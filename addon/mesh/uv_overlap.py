@@ -6,7 +6,7 @@ import numpy as np
 from ..core import udim
 from .triangle_mesh import Mesh
 
-SIDE = 256
+SIDE = 128
 """Texels a side."""
 PAIRS_AT_ONCE = 2**20
 """Pairs of a triangle and a texel of its box that are looked at together."""

@@ -10,7 +10,8 @@ from bpy.props import PointerProperty
 from ..core.errors import BakeError, shorten_list
 from . import object_pairs, set_lists, set_operators, sets
 from .callbacks import registering, until_change
-from .fix_buttons import draw_fixable
+from .findings import findings
+from .fix_buttons import draw_fixable, draw_list
 from .planned_images import PlannedImage, draw_images, of_texture
 from .preferences import flamenco_address
 from .sets import ImprintSet
@@ -195,7 +196,8 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
             box.operator("wm.save_mainfile", icon="FILE_TICK")
         return
     number = len(set_lists.uids(context, one))
-    draw_paragraphs(box, context, [describe(rows, number)], "INFO")
+    draw_paragraphs(box, context, [describe(rows, number)], "BLANK1")
+    draw_list(box, context, findings.of_several(context, set_lists.lows(context, one)))
     header, body = box.panel("imprint_set_images", default_closed=True)
     titles = textures(context, one)
     images = first_images(context, rows, titles)
