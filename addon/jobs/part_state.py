@@ -28,8 +28,8 @@ from .state_pieces import (
     PLACE,
     PROBLEM,
     SETTING,
+    Other,
     State,
-    of_other,
     of_read,
     of_size,
 )
@@ -61,7 +61,7 @@ def look(
     jobs: Sequence[Job] = (),
     share_image: bool = False,
     shared_name: str = ATLAS,
-    known: dict[int, str] | None = None,
+    known: dict[int, Other | None] | None = None,
 ) -> Task[State]:
     """What a bake of `job` would read now. A generator: Blender can continue between its steps.
 
@@ -70,8 +70,8 @@ def look(
         then: The state of the last bake: at whose images to look.
         jobs: Those that are baked together, whose high objects may be occluders; with `job`. Empty for `job` alone.
         share_image, shared_name: As for bake_jobs.work.
-        known: Keys of objects that only shade, by session_uid, which are not read again. Adds to it. To be cleared when an
-            object changes.
+        known: Objects that only shade, by session_uid, which are not read again. Adds to it. To be cleared when an object
+            changes.
 
     What cannot be baked has the sentence of the problem as a piece.
     """
@@ -89,14 +89,14 @@ def look(
     return state.with_images(map_contents.look(job.low_ref.find(), then.of_kind(IMAGE)) if then is not None else {})
 
 
-def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[int, str]) -> State:
+def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[int, Other | None]) -> State:
     """What the bakes of all texture sets of a low object would read now, which is read once. known: as in `look`."""
     first = requests[0]
     new = tuple(ref for ref in first.other_refs if ref.uid not in known)
     meshes = read_meshes(context, replace(first, job=first.job.but(texture_set=None), other_refs=new))
-    keys = {mesh.name: of_other(mesh) for mesh in meshes.others}
-    known |= {ref.uid: keys.get(ref.name, "") for ref in new}
-    others = [key for ref in first.other_refs if (key := known[ref.uid])]
+    read = {mesh.name: Other.of(mesh) for mesh in meshes.others}
+    known |= {ref.uid: read.get(ref.name) for ref in new}
+    others = [other for ref in first.other_refs if (other := known[ref.uid]) is not None]
     return of_read(first, meshes, others).joined(map(of_size, requests[1:]))
 
 

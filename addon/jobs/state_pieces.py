@@ -16,14 +16,15 @@ import numpy as np
 from ..core import versions
 from ..core.contents import short
 from ..core.declarations.choices import Method, Pack, Space, Storage
-from ..core.map_types import BY_NAME, Family, Kind
+from ..core.map_types import BY_NAME, Family, Kind, Range
 from ..core.material_feeds import ExactFeed, HighMaterial, ImageFeed
 from ..core.settings import Settings
 from ..mesh.cutouts import KEY
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..output import value_encoding
+from ..output import map_names, value_encoding
 from ..scene import content_keys
+from ..scene.materials import exact_keys
 from .job import Request
 
 MESH, PLACE, OTHERS, MATERIAL, SETTING = "mesh", "place", "others", "material", "setting"
@@ -67,22 +68,29 @@ class State:
         return State(pieces)
 
 
-def of_read(request: Request, meshes: Meshes, others: Sequence[str] | None = None) -> State:
-    """The state of a bake that has read `meshes`. others: the keys of those that shade it, if they are not in `meshes`."""
+def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" = None) -> State:
+    """The state of a bake that has read `meshes`. others: those that shade it, if they are not in `meshes`."""
     pieces: dict[str, str] = {}
     settings = request.asked
     low = meshes.low if meshes.whole is None else meshes.whole
-    _add(pieces, MESH, low.name, _of_mesh(low, labels=settings.map.texture_sets))
-    _add(pieces, PLACE, low.name, _of_place(low))
+    key = _of_mesh(low, labels=settings.map.texture_sets)
+    _add(pieces, MESH, low.name, short([key, "base"]) if meshes.is_own_base else key)
+    boxed = [name for name in settings.map.drawn_maps if BY_NAME[name].range is Range.BOX]  # points, also as floats
+    is_of_world = settings.map.space == Space.WORLD and bool(boxed)
+    is_of_world = is_of_world or any(map(_looks_around, meshes.materials))
+    _add(pieces, PLACE, low.name, short(_place(low, None if is_of_world else low)))
     painted = [_crc(each) for each in (meshes.offset, meshes.straight) if each is not None]
     if painted:
         _add(pieces, MESH, f"{low.name} (vertex groups)", short(painted))
-    for mesh in (*meshes.highs, *([meshes.cage] if meshes.cage else [])):
-        _add(pieces, MESH, mesh.name, _of_mesh(mesh))
-        _add(pieces, PLACE, mesh.name, _of_place(mesh))
-    others = list(map(of_other, meshes.others)) if others is None else others
+    shows_object = any(feed.is_of_object for material in meshes.materials for feed in _exact_feeds(material))
+    owners = request.job.highs if shows_object else []
+    for number, mesh in enumerate((*meshes.highs, *([meshes.cage] if meshes.cage else []))):
+        key = _of_mesh(mesh)
+        _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
+        _add(pieces, PLACE, mesh.name, short(_place(mesh, low)))
+    others = list(map(Other.of, meshes.others)) if others is None else others
     if others:
-        pieces[f"{OTHERS}:"] = short(sorted(others))
+        pieces[f"{OTHERS}:"] = short(sorted([each.key, (each.place - low.to_world[:3, 3]).tolist()] for each in others))
     for material in meshes.materials:
         _add(pieces, MATERIAL, material.name, _of_material(material))
     for name, value in deciding(settings).items():
@@ -108,25 +116,65 @@ def _add(pieces: dict[str, str], kind: str, name: str, key: str) -> None:
     pieces[full] = key
 
 
-def of_other(mesh: Mesh) -> str:
-    """The key of a mesh that only shades others."""
-    clear = [[*_crc(alpha.values), alpha.extension, alpha.outside, alpha.is_smooth] for alpha in mesh.alphas]
-    layer = _crc(mesh.layers[KEY]) if KEY in mesh.layers else []
-    return short([mesh.checksums("positions", "vertices", "triangles"), _of_place(mesh), layer, clear])
+@dataclass(frozen=True)
+class Other:
+    """A mesh that only shades others.
+
+    Attributes:
+        key: Of all but where it is.
+        place: (3,), in world space.
+    """
+
+    key: str
+    place: np.ndarray
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "Other":
+        """Of a mesh that was read."""
+        clear = [[*_crc(alpha.values), alpha.extension, alpha.outside, alpha.is_smooth] for alpha in mesh.alphas]
+        layer = _crc(mesh.layers[KEY]) if KEY in mesh.layers else []
+        shape = mesh.checksums("positions", "vertices", "triangles")
+        return cls(short([shape, mesh.to_world[:3, :3].tolist(), layer, clear]), mesh.to_world[:3, 3])
 
 
 def _of_mesh(mesh: Mesh, *, labels: bool = True) -> str:
     names = ["positions", "vertices", "normals", "triangles", "uv", *(["labels"] if labels else [])]
     layers = [[*key, _crc(values)] for key, values in sorted(mesh.layers.items()) if key != KEY]
-    return short([mesh.checksums(*names), layers, mesh.not_finite])
+    facts = [mesh.normals_domain, mesh.not_finite, mesh.without_normals, mesh.instances]
+    return short([mesh.checksums(*names), layers, facts])
 
 
 def _crc(values: np.ndarray) -> list[Any]:
     return [content_keys.of_array(values), values.shape]
 
 
-def _of_place(mesh: Mesh) -> str:
-    return short(mesh.to_world.tolist())
+def _place(mesh: Mesh, beside: Mesh | None) -> list[Any]:
+    """Where a mesh is, relative to another one or in the scene: all arithmetic of a bake starts at the meshes, so that nothing
+    changes if all of them are moved by the same step."""
+    offset = mesh.to_world[:3, 3] - (0.0 if beside is None else beside.to_world[:3, 3])
+    return [mesh.to_world[:3, :3].tolist(), offset.tolist()]
+
+
+def _looks_around(material: HighMaterial) -> bool:
+    """Whether nodes of a material may look at where in the scene a point is."""
+    return any(_of_exact(feed)[1] for feed in _exact_feeds(material))
+
+
+def _exact_feeds(material: HighMaterial) -> list[ExactFeed]:
+    feeds = [*material.feeds.values(), material.detail, material.cutout and material.cutout.feed]
+    return [feed for feed in feeds if isinstance(feed, ExactFeed)]
+
+
+def _of_object(obj: bpy.types.Object) -> list[Any]:
+    """What nodes read of an object itself, as cycles_values gives it to Cycles."""
+    own = {name: value for name, value in obj.items() if isinstance(value, int | float) or hasattr(value, "to_list")}
+    return [list(obj.color), obj.pass_index, [[name, content_keys.plain_value(own[name])] for name in sorted(own)]]
+
+
+def _of_exact(feed: ExactFeed) -> tuple[str, bool]:
+    """The key of a value that Cycles evaluates, and whether it may change with the place in the scene."""
+    material = _block(bpy.data.materials, feed.material)
+    return exact_keys.of_socket(material, feed.socket) if material is not None else ("", False)
 
 
 def _of_material(material: HighMaterial) -> str:
@@ -136,10 +184,7 @@ def _of_material(material: HighMaterial) -> str:
 def _plain(value: Any) -> Any:
     """Feeds as plain data, in which images and nodes count by what they show."""
     if isinstance(value, ExactFeed):
-        material = _block(bpy.data.materials, value.material)
-        tree = material.node_tree if material is not None else None
-        key = content_keys.of_tree(tree) if tree is not None else ""
-        return [value.socket, value.layers, value.basis, key]
+        return [value.socket, value.layers, value.basis, *_of_exact(value)]
     if isinstance(value, dict):
         return [[name, _plain(value[name])] for name in sorted(value)]
     if is_dataclass(value):
@@ -212,7 +257,8 @@ def _meaningless(settings: Settings) -> Iterator[str]:
         yield from ("pack_red", "pack_green", "pack_blue", "pack_alpha")
     if drawn or not sampling.are_adaptive(tracing.method):
         yield "adaptive"
-    if storing.depth != 8 or storing.is_float:
+    stored = [each.storing for each in map_names.settings_by_map(settings.stored(dither=True)).values()]
+    if not any(each.dither and each.depth == 8 for each in stored):
         yield "dither"
     if storing.storage != Storage.FILE:
         yield from ("output", "alpha", "mip_files")

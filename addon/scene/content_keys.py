@@ -14,8 +14,8 @@ from . import dependencies, textures
 
 GONE = "gone"
 """The key of a file that cannot be read."""
-_LAYOUT = {*bpy.types.Node.bl_rna.properties.keys(), *bpy.types.NodeSocket.bl_rna.properties.keys()} - {"mute"}
-"""Properties of nodes and sockets that all of them have: where they lie, how they are drawn."""
+_LAYOUT = set(bpy.types.Node.bl_rna.properties.keys())
+"""Properties that all nodes have: where they lie, how they are drawn."""
 _SHOWN = {
     *("show_texture", "is_evaluate_clipped", "tone", "black_level", "white_level", "use_clip", "clip_min_x"),
     *("clip_min_y", "clip_max_x", "clip_max_y", "rna_type", "select", "handle_type", "name", "active_item"),
@@ -67,68 +67,34 @@ def of_image(image: bpy.types.Image | None) -> str:
     return short([*shown, textures.is_converting()])
 
 
-def of_tree(tree: bpy.types.NodeTree) -> str:
-    """The key of a tree of nodes: all that its nodes are set to, and how they are linked."""
-    return short(_plain_tree(tree, ()))
+def settings_of(node: bpy.types.Node) -> list[Any]:
+    """What a node is set to, beside the values of its sockets, as plain data. Datablocks count by what they show."""
+    return _plain_struct(node, _LAYOUT)
 
 
-def _plain_tree(tree: bpy.types.NodeTree, around: tuple[bpy.types.NodeTree, ...]) -> list[Any]:
-    """A tree as plain data. around: the trees that it is in; none is in itself."""
-    if tree in around:
-        return []
-    around = (*around, tree)
-    numbers = {node.name: number for number, node in enumerate(tree.nodes)}
-    nodes = [
-        [
-            node.bl_idname,
-            _plain_struct(node, around, _LAYOUT),
-            [
-                [socket.identifier, _plain_value(getattr(socket, "default_value", None), around)]
-                for socket in (*node.inputs, *node.outputs)
-            ],
-        ]
-        for node in tree.nodes
-    ]
-    links = sorted(
-        [
-            numbers[link.from_node.name],
-            link.from_socket.identifier,
-            numbers[link.to_node.name],
-            link.to_socket.identifier,
-            link.is_muted,
-        ]
-        for link in tree.links
-    )
-    return [nodes, links]
-
-
-def _plain_struct(struct: bpy.types.bpy_struct, around: tuple, left_out: Iterable[str] = ()) -> list[Any]:
+def _plain_struct(struct: bpy.types.bpy_struct, left_out: Iterable[str] = ()) -> list[Any]:
     return [
-        [prop.identifier, _plain_value(getattr(struct, prop.identifier), around)]
+        [prop.identifier, plain_value(getattr(struct, prop.identifier))]
         for prop in struct.bl_rna.properties
         if prop.identifier not in _SHOWN and prop.identifier not in left_out and not prop.identifier.startswith("bl_")
     ]
 
 
-def _plain_value(value: Any, around: tuple) -> Any:
+def plain_value(value: Any) -> Any:
     """The value of a property as plain data. Datablocks count by what they show."""
     match value:
         case None | bool() | int() | float() | str():
             return value
         case bpy.types.Image():
             return of_image(value)
-        case bpy.types.NodeTree():
-            return _plain_tree(value, around)
         case bpy.types.Object():
             return np.array(value.matrix_world, np.float32).tolist()
         case bpy.types.ID():
             return value.name
         case bpy.types.bpy_prop_collection():
-            return [_plain_value(each, around) for each in value]
-        case bpy.types.Node() | bpy.types.NodeSocket() | bpy.types.NodeLink():
-            return value.name if isinstance(value, bpy.types.Node) else ""
+            return [plain_value(each) for each in value]
         case bpy.types.bpy_struct():
-            return _plain_struct(value, around)
+            return _plain_struct(value)
         case set():
             return sorted(value)
     return list(_floats(value))

@@ -2,6 +2,7 @@
 """The state of a part tells whether a bake would make other maps. The truth are the maps of a fresh bake."""
 
 import bpy
+import numpy as np
 import pytest
 
 from addon.core.progress import finish
@@ -9,7 +10,8 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, part_state
 from addon.jobs.part_state import State, Status
 from addon.ui import object_pairs
-from tests.support import zoo
+from scripts.bench import stale_signs
+from tests.support import part_edits, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -57,3 +59,84 @@ def test_renamed_is_not_changed():
     other = State({"mesh:a": "1", "mesh:b": "2"})
     assert part_state.changes(other, State({"mesh:b": "1", "mesh:a": "2"})) == []
     assert part_state.changes(other, State({"mesh:a": "1", "mesh:c": "3"})) == ["the mesh of 'c'", "the mesh of 'b'"]
+
+
+@pytest.mark.parametrize("kind", part_edits.KINDS)
+def test_signs_agree_with_fresh_bakes(kind, tmp_path):
+    rng = np.random.default_rng(list(part_edits.KINDS).index(kind))
+    part = part_edits.make(kind, tmp_path, 1)
+    maps, judged = part.bake(), []
+    edits = [edit for edit in part_edits.EDITS if edit != "setting"]
+    while len(judged) < 6:
+        one, maps = part_edits.judge(part, edits[rng.integers(len(edits))], rng, maps)
+        judged += [one] if one is not None else []
+    assert not [one for one in judged if one.is_missed]
+    assert not [one for one in judged if one.is_alarm]
+
+
+@pytest.mark.slow
+def test_500_edits(tmp_path, empty_file):
+    judged = list(stale_signs.run(500, 7, list(part_edits.KINDS), list(part_edits.EDITS), tmp_path))
+    assert not [one for one in judged if one.is_missed]
+    alarms, true = ([one for one in judged if one.is_alarm], [one for one in judged if not one.is_stale])
+    assert len(alarms) <= 0.02 * len(true), alarms
+
+
+MOVED = {"by the low object": ({}, True), "in the world": ({"space": "WORLD", "maps": ("POSITION",)}, False)}
+"""Settings of maps, and whether they stay if all objects are moved by the same step."""
+
+
+@pytest.mark.parametrize("how", MOVED)
+def test_parts_that_move_as_one(how, tmp_path):
+    values, is_same = MOVED[how]
+    part = part_edits.make("shape keys", tmp_path, 1)
+    for name, value in values.items():
+        part.settings = part_edits.with_value(part.settings, name, value)
+    before = part.bake()
+    for role in (part_edits.LOW, part_edits.HIGH):
+        part.object(role).location = (1.7, -3.1, 0.4)
+    bpy.context.view_layer.update()
+    changes = part.changes()
+    assert (changes == []) == is_same == part_edits.is_same(before, part.bake())
+
+
+def test_only_what_a_map_reads_counts_of_nodes(tmp_path):
+    """Of a material that Cycles evaluates, too."""
+    part = part_edits.make("noise", tmp_path, 1)
+    tree = part.object(part_edits.HIGH).data.materials[0].node_tree
+    part.bake()
+    tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 0.1
+    part_edits.write_texture(part.texture, 5)
+    assert part.changes() == []
+    tree.nodes["Color Ramp"].color_ramp.elements[1].position = 0.7
+    assert part.changes() == ["the material 'bricks'"]
+
+
+def test_a_shared_image_stays_true_when_others_are_baked():
+    first, second = pair(), pair()
+    for number, job in enumerate((first, second)):
+        job.low.location.x = job.highs[0].location.x = 4.0 * number
+        for each in job.low.data.uv_layers[0].uv:
+            each.vector = each.vector * 0.4 + type(each.vector)((0.5 * number, 0.0))
+    bpy.context.view_layer.update()
+    jobs, settings = [first, second], Settings(**SAME)
+
+    def signs():
+        states = [part_state.kept(job.low) for job in jobs]
+        looks = [
+            finish(part_state.look(bpy.context, job, settings, then=then, jobs=jobs, share_image=True))
+            for job, then in zip(jobs, states, strict=True)
+        ]
+        return [part_state.changes(then, now) for then, now in zip(states, looks, strict=True)]
+
+    object_pairs.remember(bake_jobs.bake_all(bpy.context, jobs, settings, share_image=True))
+    assert signs() == [[], []]
+    second.highs[0].data.vertices[40].co.z += 0.3
+    second.highs[0].data.update()
+    assert signs() == [[], ["the mesh of 'brick_high.001'"]]
+    only = {second.low.session_uid}
+    object_pairs.remember(bake_jobs.bake_all(bpy.context, jobs, settings, share_image=True, only=only))
+    assert signs() == [[], []]
+    image = first.low.imprint.maps[0].image
+    image.pixels[0] = 0.77
+    assert signs() == [[f"the image {image.name!r} was edited"]] * 2
