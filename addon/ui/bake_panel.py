@@ -18,14 +18,14 @@ from ..jobs.job import check_materials, covers_detail
 from ..output import datablocks, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import object_pairs, results, sets_panel, several
+from . import bake_queue, object_pairs, results, sets_panel, several
 from .callbacks import until_change
 from .findings import findings
 from .fix_buttons import ICONS, RIGHT, Told, draw_button, draw_fixable, draw_list
 from .live import live
 from .modal import QuickOperator
 from .planned_images import count_images, filled, planned_images
-from .progress_display import MAIN, display
+from .progress_display import MAIN, OF_SETS, display
 from .properties import Chosen, ImprintSettings
 from .results_panel import draw_batch, draw_numbers
 from .setting_rows import Rows, is_beside_unsaved
@@ -358,11 +358,12 @@ def _draw_set(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Rows
         return
     problem = sets_panel.problem(context, rows)
     _draw_settings(layout, rows)
-    button = _draw_button(layout, sets_panel.BAKE, rows.settings, enabled=not problem)
+    button = _draw_button(layout, OF_SETS, rows.settings, enabled=not problem)
     if button is not None:
         button.name = rows.set.name
     sets_panel.draw_changed(layout, rows.set, enabled=display.current is None and not problem)
     sets_panel.draw_box(layout.box(), context, rows, problem)
+    bake_queue.draw(layout, context)
 
 
 def _draw_settings(layout: bpy.types.UILayout, rows: Rows) -> None:

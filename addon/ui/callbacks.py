@@ -70,7 +70,7 @@ class UntilChange:
 
     def __init__(self):
         self._known: dict[str, tuple[Hashable, Any]] = {}
-        names = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_post", "end")
+        names = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_post", "baked", "end")
         events.hear(**dict.fromkeys(names, self.drop))
 
     def get(self, name: str, key: Hashable, find: Callable[[], Any]) -> Any:

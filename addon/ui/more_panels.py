@@ -32,7 +32,7 @@ class IMPRINT_PT_more(SidebarPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_more"
     bl_label = "More"
-    bl_order = 4
+    bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, _context: bpy.types.Context) -> None:

@@ -54,8 +54,8 @@ EDGE = 24
 """Between the picture and the corner of the editor, in pixels at a scale of 1."""
 NAMED = 0.5
 """Seconds between two texts in the panel and the status bar."""
-MAIN = "imprint.bake"
-"""The operator of the main button."""
+MAIN, OF_SETS = "imprint.bake", "imprint.bake_sets"
+"""The operators of the main button, which bakes the selection or a set."""
 KNOWN = 0.05
 """Share of a bake that must be done before the remaining time is shown."""
 
@@ -105,12 +105,12 @@ class ProgressDisplay:
     ) -> bpy.types.OperatorProperties | None:
         """Draw the button of an operator, or the bar in its place while its task runs, so that nothing moves under the mouse.
 
-        The bar of a button that was never drawn is at that of Bake. how: as for UILayout.operator. Returns the operator's
+        The bar of a button that was never drawn is at the main one. how: as for UILayout.operator. Returns the operator's
         properties, or None for a bar.
         """
         self._buttons.add(name)
-        started = self.operator if self.operator in self._buttons else MAIN
-        if self.current is not None and started == name:
+        is_main = self.operator in {MAIN, OF_SETS} or self.operator not in self._buttons
+        if self.current is not None and (name in {MAIN, OF_SETS} if is_main else name == self.operator):
             layout.progress(factor=self.current.done, text=self.short_text(), translate=False)
             return None
         part = layout.row()

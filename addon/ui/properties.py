@@ -173,7 +173,7 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
         # An armature that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
-            highs = highs or self._called_as(context, low) or object_checks.own_highs(low) or selected
+            highs = highs or self.called_as(context, low) or object_checks.own_highs(low) or selected
             return Chosen(self, low, highs or object_checks.itself(low))
         highs = highs or pair.found()
         pair = self._pair_of(low, highs)
@@ -193,7 +193,7 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
             return [obj for obj in others if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return others
 
-    def _called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
+    def called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
         """The high objects of `low` by name."""
         pair = self._pair_by_name(context, low)
         objects = object_checks.by_name(context.view_layer.objects, low) if pair is not None else {}

@@ -10,7 +10,7 @@ import bpy
 from ..core.report import Report
 from ..core.sentences import Sentence, by_harm
 from . import object_pairs
-from .callbacks import events
+from .callbacks import events, until_change
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,8 @@ def forget() -> None:
 
 def has_any(context: bpy.types.Context) -> bool:
     """Whether the panel's low object, or any other one in the context's scene, was baked."""
-    return of(context) is not None or bool(_baked(context.scene))
+    scene = context.scene
+    return of(context) is not None or until_change.get("results", scene.session_uid, lambda: bool(_baked(scene)))
 
 
 def all_of(context: bpy.types.Context, low: bpy.types.Object | None = None) -> list[Report]:

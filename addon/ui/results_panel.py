@@ -25,7 +25,7 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_results"
     bl_label = "Results"
-    bl_order = 2
+    bl_order = 3  # the last one: what it shows moves nothing else
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

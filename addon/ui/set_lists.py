@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The lists of the sets and of their parts, as Blender draws them: their rows, and which low object a row stands for."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import bpy
 
 from ..core.errors import BakeError
+from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
-from . import sets
+from . import bake_queue, object_pairs, sets, signs
 from .callbacks import until_change
 from .sets import ImprintPart, ImprintSet
 from .texts import message
@@ -74,10 +75,16 @@ def _known(context: bpy.types.Context, one: ImprintSet) -> tuple[frozenset[int],
 class IMPRINT_UL_sets(bpy.types.UIList):
     """The sets of a scene."""
 
-    def draw_item(self, _context, layout, _data, one, _icon, _active_data, _active_property) -> None:
+    def draw_item(self, context, layout, _data, one, _icon, _active_data, _active_property) -> None:
         row = layout.row(align=True)
         row.prop(one, "is_on", text="")
         row.prop(one, "name", text="", emboss=False)
+        queued = bake_queue.state_of(context.scene, one.name)
+        if queued is not None and queued.is_open:
+            part = row.row()
+            part.alignment = "RIGHT"
+            part.label(text=queued.text, translate=False)
+        row.label(text="", icon=signs.of_set(context, one).icon)
 
 
 class IMPRINT_UL_parts(bpy.types.UIList):
@@ -88,18 +95,22 @@ class IMPRINT_UL_parts(bpy.types.UIList):
         if low is None:
             layout.label(text=item.title, icon="ERROR", translate=False)
             return
+        part = part_of(context, active_data, low)
         row = layout.row(align=True)
         row.prop(low, "imprint_is_baked", text="")
-        split = row.split(factor=0.6, align=True)
-        split.active = low.imprint_is_baked
+        names = row.row(align=True)
+        names.active = low.imprint_is_baked
+        split = names.split(factor=0.6, align=True)
         split.label(text=low.name, translate=False)
         highs = split.row(align=True)
         highs.active = False
-        highs.label(text=short_highs(low, highs_of(context, active_data, low)), translate=False)
+        highs.label(text=part.short(low), translate=False)
         if low.imprint_size != "0":
-            size = split.row(align=True)
+            size = row.row(align=True)
             size.alignment = "RIGHT"
             size.label(text=low.imprint_size, translate=False)
+        is_wrong = part.problem and low.imprint_is_baked
+        row.label(text="", icon="ERROR" if is_wrong else signs.of(context, low).icon)
 
     def filter_items(self, context, data, name) -> tuple[list[int], list[int]]:
         items, one = getattr(data, name), sets.active(context)
@@ -118,26 +129,44 @@ def _is_shown(item: Item, shown: frozenset[int] | None, pattern: str) -> bool:
     return fnmatchcase((item.name if isinstance(item, bpy.types.Object) else item.title).lower(), pattern)
 
 
-def highs_of(context: bpy.types.Context, one: ImprintSet, low: bpy.types.Object) -> list[str]:
-    """The names of the high objects of a part, also of those that are missing."""
+@dataclass(frozen=True)
+class Part:
+    """What a row says of a low object.
+
+    Attributes:
+        highs: The names of its high objects, also of those that are missing.
+        problem: Why it cannot be baked, in a sentence; empty if no reason is known.
+    """
+
+    highs: tuple[str, ...]
+    problem: str
+
+    def short(self, low: bpy.types.Object) -> str:
+        """The high objects in a word or two: a name, or their number."""
+        if not self.highs:
+            return message("none")
+        if self.highs == (low.name,):
+            return message("itself")
+        return self.highs[0] if len(self.highs) == 1 else message("{} highs").format(len(self.highs))
+
+
+def part_of(context: bpy.types.Context, one: ImprintSet, low: bpy.types.Object) -> Part:
+    """What the row of a part says."""
     panel = context.scene.imprint
 
-    def find() -> list[str]:
+    def find() -> Part:
+        chosen, missing = panel.alone(context, low), []
+        highs, cage = chosen.highs, chosen.pair.cage if chosen.pair is not None else None
         if one.source == "NAMES":
-            return next((list(pair.highs) for pair in panel.pairs_by_name(context)[0] if pair.low == low.name), [])
-        chosen = panel.alone(context, low)
-        return [*(high.name for high in chosen.highs), *chosen.missing]
+            highs = panel.called_as(context, low)
+        else:
+            missing = chosen.missing
+        problem = object_pairs.problem(missing) or object_checks.problem(context, low, highs, cage, method)
+        return Part((*(high.name for high in highs), *missing), problem)
 
-    return until_change.get(f"highs of {low.session_uid}", (one.source, low.name, panel.suffixes()), find)
-
-
-def short_highs(low: bpy.types.Object, highs: Sequence[str]) -> str:
-    """The high objects of a part in a word or two: a name, or their number."""
-    if not highs:
-        return message("none")
-    if list(highs) == [low.name]:
-        return message("itself")
-    return highs[0] if len(highs) == 1 else message("{} highs").format(len(highs))
+    method = one.own.whole.method
+    key = (one.source, low.name, method, panel.suffixes())
+    return until_change.get(f"part {low.session_uid}", key, find)
 
 
 CLASSES = (IMPRINT_UL_sets, IMPRINT_UL_parts)

@@ -8,18 +8,19 @@ import bpy
 from bpy.props import PointerProperty
 
 from ..core.errors import BakeError, shorten_list
-from . import object_pairs, set_lists, set_operators, sets
+from ..jobs import fixes
+from ..scene import object_checks
+from . import object_pairs, set_lists, set_operators, sets, signs
 from .callbacks import registering, until_change
 from .findings import findings
-from .fix_buttons import draw_fixable, draw_list
+from .fix_buttons import draw_button, draw_fixable, draw_list
 from .planned_images import PlannedImage, draw_images, of_texture
 from .preferences import flamenco_address
+from .progress_display import OF_SETS
 from .sets import ImprintSet
 from .setting_rows import Rows
 from .texts import LABEL, SidebarPanel, draw_paragraphs, draw_props, label, labeled, message
 
-BAKE = "imprint.bake_sets"
-"""The operator of the button."""
 SETS, PARTS = 3, 6
 """The rows of the lists."""
 MOST_SHOWN = 16
@@ -48,7 +49,8 @@ class IMPRINT_MT_sets(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.operator(BAKE, text=label("Bake All Sets"), translate=False, icon="RENDER_STILL")
+        layout.operator(OF_SETS, text=label("Bake All Sets"), translate=False, icon="RENDER_STILL")
+        layout.operator("imprint.queue_add", text=label("Bake All in Queue"), translate=False, icon="TIME").all = True
         layout.separator()
         layout.operator("imprint.set_duplicate", icon="DUPLICATE")
         layout.operator("imprint.set_move", text=label("Move Up"), translate=False, icon="TRIA_UP").direction = "UP"
@@ -72,7 +74,7 @@ class IMPRINT_MT_part_highs(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         low = set_lists.chosen_low(context)
-        for high in set_lists.highs_of(context, sets.active(context), low) if low is not None else []:
+        for high in set_lists.part_of(context, sets.active(context), low).highs if low is not None else ():
             button = self.layout.operator("imprint.set_high_remove", text=high, translate=False, icon="REMOVE")
             button.low, button.high = low.name, high
 
@@ -144,7 +146,7 @@ def _draw_part(layout: bpy.types.UILayout, context: bpy.types.Context, one: Impr
     """The high objects of the active part, and what it has for itself. Two rows, with or without a part."""
     low = set_lists.chosen_low(context)
     is_changeable = low is not None and low.is_editable
-    highs = set_lists.highs_of(context, one, low) if low is not None else []
+    highs = set_lists.part_of(context, one, low).highs if low is not None else ()
     row = layout.row(align=True)
     row.enabled = is_changeable and one.source != "NAMES"
     row.menu(
@@ -168,10 +170,11 @@ def _draw_part(layout: bpy.types.UILayout, context: bpy.types.Context, one: Impr
 
 def draw_changed(layout: bpy.types.UILayout, one: ImprintSet, *, enabled: bool) -> None:
     """The button that bakes what has changed, where Live is for a selection."""
-    row = layout.row()
+    row = layout.row(align=True)
     row.enabled = enabled
-    button = row.operator(BAKE, text=label("Bake Changed"), translate=False, icon="FILE_REFRESH")
+    button = row.operator(OF_SETS, text=label("Bake Changed"), translate=False, icon="FILE_REFRESH")
     button.name, button.changed = one.name, True
+    row.operator("imprint.queue_add", icon="TIME").name = one.name
 
 
 def problem(context: bpy.types.Context, rows: Rows) -> str:
@@ -197,6 +200,13 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
         return
     number = len(set_lists.uids(context, one))
     draw_paragraphs(box, context, [describe(rows, number)], "BLANK1")
+    sign = signs.of_set(context, one)
+    draw_paragraphs(box, context, [signs.waiting(context) or sign.text], sign.icon)
+    low = set_lists.chosen_low(context)
+    if low is not None and low.imprint_is_baked:
+        draw_fixable(box, context, set_lists.part_of(context, one, low).problem, "ERROR", low.name)
+        if object_checks.lacks_uvs(low):
+            draw_button(box, fixes.UNWRAP, low.name)
     draw_list(box, context, findings.of_several(context, set_lists.lows(context, one)))
     header, body = box.panel("imprint_set_images", default_closed=True)
     titles = textures(context, one)

@@ -11,7 +11,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
-from addon.ui import bake_operators, modal, pairs_panel, view_panel
+from addon.ui import bake_operators, modal, pair_operators, view_panel
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.modal import EVERY, free_if_idle
@@ -159,7 +159,7 @@ def test_esc_in_a_batch_keeps_the_results_of_what_is_done():
         zoo.plane(f"{name}_low"), zoo.terrain(f"{name}_high", n=8)
     settings = bpy.context.scene.imprint
     settings.size, settings.method, settings.storage = 16, "CAST", "MEMORY"
-    button = Button(pairs_panel.IMPRINT_OT_bake_pairs)
+    button = Button(pair_operators.IMPRINT_OT_bake_pairs)
     button.press()
     for _ in range(TICKS):
         if display.current.finished == 1:

@@ -185,7 +185,7 @@ def test_a_pair_by_name_can_be_left_out_or_have_a_size_of_its_own(tmp_path):
     assert sizes == {"b_low_normal": (256, 256), "c_low_normal": (16, 16)}
     for name in ("b", "c"):
         bpy.data.objects[f"{name}_low"].imprint_is_baked = False
-    with pytest.raises(RuntimeError, match="No pair is checked"):
+    with pytest.raises(RuntimeError, match="No pair is switched on"):
         bpy.ops.imprint.bake_pairs()
 
 

@@ -11,7 +11,7 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
-from addon.ui import bake_panel, pairs_panel, preferences, properties
+from addon.ui import bake_panel, pair_operators, preferences, properties, sets_panel
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.progress_display import display, time_left
@@ -420,9 +420,14 @@ def test_the_panel_shows_every_setting(pair):
     assert not {"width", "height"} & shown
     settings.square, settings.distance_unit = False, "SCENE"
     shown.update(draw().properties)
+    select(*(zoo.cube(name) for name in "ab"))
+    bpy.data.objects["b"].location.x = 9.0
+    shown.update(draw().properties)
+    bpy.ops.imprint.set_add(by_name=True)
+    shown.update(draw().properties)
     # The list of high objects has the last two, switches stand for the maps, and engines set the names.
     hidden = {"rna_type", "name", "names", "engine_name", "maps", "active_high"}
-    assert names - shown - set(FORMER) - {"highs", "bakes", "active_set"} == hidden
+    assert names - (shown - {"name"}) - set(FORMER) - {"highs", "active_set"} == hidden  # a set has a name
 
 
 def test_one_size_for_both_sides(pair):
@@ -463,11 +468,26 @@ def test_the_bar_is_where_the_button_is_that_was_pressed(pair, monkeypatch):
     select(*pair)
     buttons = {name for name, _ in draw().buttons}
     monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
-    for pressed in ("imprint.bake_pairs", "imprint.make_levels", "imprint.convert", "imprint.bake"):
+    for pressed in ("imprint.make_levels", "imprint.convert", "imprint.bake"):
         monkeypatch.setattr(display, "operator", pressed)
         assert buttons - {name for name, _ in draw().buttons} == {pressed}
-    monkeypatch.setattr(display, "operator", "imprint.view_show")  # no button of a panel draws a bar for it
-    assert buttons - {name for name, _ in draw().buttons} == {"imprint.bake"}
+    for pressed in ("imprint.view_show", "imprint.bake_pairs"):  # no button of a panel draws a bar for it
+        monkeypatch.setattr(display, "operator", pressed)
+        assert buttons - {name for name, _ in draw().buttons} == {"imprint.bake"}
+
+
+def test_the_bar_of_a_set_is_where_its_button_is(pair, monkeypatch):
+    low, high = pair
+    low.name, high.name = "a_low", "a_high"
+    bpy.ops.imprint.set_add(by_name=True)
+    named = [vars(given) for name, given in draw().given if name == "imprint.bake_sets"]
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
+    for pressed in ("imprint.bake_sets", "imprint.bake", "imprint.view_show"):
+        monkeypatch.setattr(display, "operator", pressed)
+        drawn = draw()
+        shown = [vars(given) for name, given in drawn.given if name == "imprint.bake_sets"]
+        assert [one for one in named if one not in shown] == [{"name": "Set"}]
+        assert "25%" in drawn.text
 
 
 # Where things are
@@ -509,6 +529,8 @@ def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     monkeypatch.setattr(naming, "match", lambda *names: asked.append(names) or match(*names))
     properties.matched.cache_clear()
     low, high = pair
+    bpy.ops.imprint.set_add(by_name=True)
+    bpy.context.scene.imprint_sets[0].source = "NAMES"
     for _ in range(3):
         draw()
     assert len(asked) == 1
@@ -675,7 +697,8 @@ def test_an_asset_of_nothing_is_refused(settings):
 @pytest.fixture
 def address(monkeypatch):
     """A Flamenco Manager in the preferences."""
-    monkeypatch.setattr(pairs_panel, "flamenco_address", lambda _context: "http://farm")
+    for module in (pair_operators, sets_panel):
+        monkeypatch.setattr(module, "flamenco_address", lambda _context: "http://farm")
     return "http://farm"
 
 
@@ -684,11 +707,12 @@ def sent(monkeypatch):
     """The jobs that are sent, in place of sending them. Blender is online."""
     jobs = []
     monkeypatch.setattr(flamenco, "submit", lambda url, job: jobs.append((url, job)) or f"{url}/app/jobs/1")
-    monkeypatch.setattr(pairs_panel.bpy, "app", SimpleNamespace(online_access=True), raising=False)
+    monkeypatch.setattr(pair_operators.bpy, "app", SimpleNamespace(online_access=True), raising=False)
     return jobs
 
 
 def test_the_button_is_there_if_an_address_is_set(address):
+    bpy.context.scene.imprint.bakes = "SETS"
     assert "imprint.send_to_flamenco" in {name for name, _ in draw().buttons}
 
 
@@ -696,25 +720,27 @@ def test_uv_maps_are_packed_where_pairs_share_an_image():
     lows = [zoo.plane("a_low"), zoo.plane("b_low"), zoo.plane("c_low")]
     for low in lows:
         zoo.terrain(low.name.replace("low", "high"), 4)
-    assert "imprint.pack_uvs" not in {name for name, _ in draw().buttons}
-    bpy.context.scene.imprint.share_image = True
-    assert "imprint.pack_uvs" in {name for name, _ in draw().buttons}
+    bpy.ops.imprint.set_add(by_name=True)
+    assert ("imprint.pack_uvs", False) in draw().buttons
+    bpy.context.scene.imprint_sets[0].textures = "ONE"
+    assert ("imprint.pack_uvs", True) in draw().buttons
     lows[2].imprint_is_baked = False
     assert bpy.ops.imprint.pack_uvs() == {"FINISHED"}
     assert ["Atlas" in low.data.uv_layers for low in lows] == [True, True, False]
     for low in lows:
         low.imprint_is_baked = False
-    with pytest.raises(RuntimeError, match="No pair is checked"):
+    with pytest.raises(RuntimeError, match="No low object is switched on"):
         bpy.ops.imprint.pack_uvs()
 
 
 def test_without_an_address_there_is_no_button():
     assert preferences.flamenco_address(bpy.context) == ""
+    bpy.context.scene.imprint.bakes = "SETS"
     assert "imprint.send_to_flamenco" not in {name for name, _ in draw().buttons}
 
 
 def test_without_online_access_nothing_is_sent(address, sent, monkeypatch, tmp_path):
-    monkeypatch.setattr(pairs_panel.bpy, "app", SimpleNamespace(online_access=False))
+    monkeypatch.setattr(pair_operators.bpy, "app", SimpleNamespace(online_access=False))
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.imprint.send_to_flamenco(filepath=str(tmp_path / "jobs.toml"))
     assert sent == []

@@ -11,7 +11,7 @@ import pytest
 from addon.core.errors import Fix
 from addon.jobs import Job, bake_all
 from addon.scene.object_checks import ObjectRef
-from addon.ui import bake_panel, bake_results, object_pairs, pairs_panel, results_panel, texts
+from addon.ui import bake_panel, bake_results, object_pairs, results_panel, texts
 from addon.ui.bake_results import results
 from tests.export.test_glb import bent_pair
 from tests.support import panel_layout, scenes, zoo
@@ -144,13 +144,18 @@ def test_the_list_says_which_results_are_wrong_and_why(batch):
 
 
 def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
-    """One low object has no UVs and one no high object: the list says so at the top, and the list of pairs before the bake."""
+    """One low object has no UVs and one no high object: the list says so at the top, and a set before the bake."""
     low, _ = zoo.plane("d_low", 2), zoo.terrain("d_high", n=8)
     low.data.uv_layers.remove(low.data.uv_layers[0])
     zoo.plane("e_low", 2)
     reason = "'d_low' has no UV layer"
-    pairs = panel_layout.draw(width=2000, panels=[pairs_panel.IMPRINT_PT_pairs])
-    assert pairs.text.count(reason) == 1
+    bpy.ops.imprint.set_add(by_name=True)
+    one = bpy.context.scene.imprint_sets[0]
+    one.active_part = bpy.context.view_layer.objects.find("d_low")
+    shown = panel_layout.draw(width=2000, panels=[bake_panel.IMPRINT_PT_bake])
+    assert shown.text.count(reason) == 1
+    assert ("imprint.fix", True) in shown.buttons
+    bpy.context.scene.imprint.bakes = "SELECTION"
     bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     rows, drawn = listed()

@@ -61,7 +61,7 @@ from tests.support import window, zoo  # noqa: E402
 GROUPS = {
     "bake": ("bake", "maps", "packing"),
     "map": ("map", "rays", "output", "more_settings"),
-    "results": ("pairs", "results", "report", "checks"),
+    "results": ("results", "report", "checks"),
     "more": ("view", "sequence", "levels", "convert"),
 }
 """The panels of each picture."""

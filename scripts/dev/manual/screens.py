@@ -19,7 +19,7 @@ EDGE, TOP = 8, 500
 """Left margin of the sidebar, and height of its part down to the box below Live, in pixels at a scale of 1."""
 BELOW = {"IMPRINT_PT_maps": "IMPRINT_PT_packing"}
 """Panels with a panel below them that is shown as well."""
-PANELS = ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence", "convert", "levels")
+PANELS = ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "sequence", "convert", "levels")
 """The panels that have a picture of their own."""
 TABS = 26
 """Width of the sidebar's column of tabs at a scale of 1, in pixels."""
