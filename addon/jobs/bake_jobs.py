@@ -9,32 +9,20 @@ from dataclasses import replace
 from functools import partial
 
 import bpy
-import numpy as np
 
 from .. import older_blender
-from ..audit import severity
 from ..core import naming, progress
 from ..core.declarations.choices import Occluders
-from ..core.errors import BakeError, shorten_list
-from ..core.map_types import BY_NAME, MARGIN, MISSED, NORMAL, Labeled, Map
+from ..core.errors import BakeError
 from ..core.naming import ATLAS
-from ..core.progress import Pace, Progress, Task, Timings, part, relay
+from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
-from ..core.sentences import WRONG, Sentence
-from ..core.settings import Run, Settings, TracingSettings
-from ..engine import gpu_memory, margins, mip_levels
-from ..engine.baking import texels_of
-from ..engine.bands import DrawnMaps
-from ..mesh.triangle_mesh import Mesh
+from ..core.settings import Settings, TracingSettings
 from ..output import map_names
-from ..output.materials import into_materials
-from ..output.outputs import Outputs, Stored
 from ..scene import evaluation, object_checks
 from ..scene.high_materials import NO_MATERIAL
 from ..scene.object_checks import ObjectRef
 from . import one_material, pair_checks, shared_image, weights
-from .bake import bake_job, draw_raw
-from .baked import Baked
 from .job import (
     NOTHING_ELSE,
     Job,
@@ -45,182 +33,8 @@ from .job import (
     check_job,
     files_kept,
 )
-from .one_material import Shown
-from .shared_image import Kept
+from .shared_bake import Texture, into_one
 
-
-class Atlas:
-    """Collects the maps of bakes, as Renderer.raw returns them, and stores them as one. kept: what others have in it."""
-
-    def __init__(self, settings: Settings, kept: Kept | None = None):
-        self.kept = kept or Kept()
-        # All samples and the tangent spaces of the objects are already in the maps.
-        self.settings = settings.sampled(samples=1)
-        self.drawn: list[Baked] = []
-        self.tiles: dict[int, dict[str, np.ndarray]] = {}
-        self._owners: dict[int, np.ndarray] = {}
-        """Of each texel (height, width) int16 of a tile, the number of the bake that drew it, from 1; 0 for none."""
-        self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
-        self._warnings: list[list[str]] = []
-
-    def add(self, drawn: Baked, maps: dict[int, dict[str, np.ndarray]]) -> None:
-        """Add the maps of one bake, by tile and name. Hits replace misses; among hits, the later bake wins."""
-        self._renumber(maps, drawn.labels)
-        self.drawn.append(drawn)
-        self._warnings.append([])
-        for tile, above in maps.items():
-            if tile in self.tiles:
-                self._lay_over(tile, above)
-            else:
-                self.tiles[tile] = above
-                self._owners[tile] = (above[NORMAL.name][..., 3] != 0.0).astype(np.int16) * len(self.drawn)
-
-    def store(self) -> list[Report]:
-        """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
-        last = self.drawn[-1].timings
-        baked = [
-            shared_image.part_of(each.meshes, each.request.job.material, each.request.settings.sampling.samples)
-            for each in self.drawn
-        ]
-        with last.in_total(), Outputs(self.settings, baked, self.kept.parts, self.kept.tiles) as outputs:
-            # Before anything changes: it raises if one was deleted.
-            lows = [drawn.request.job.low for drawn in self.drawn]
-            for low, drawn in zip(lows, self.drawn, strict=True):
-                meshes = drawn.meshes
-                slots = drawn.request.job.slots
-                outputs.sample_onto(low, meshes.uv_layer, is_own_base=meshes.is_own_base, slots=slots)
-            margin = self._fill(outputs, last)
-            with last.timed("image"):
-                stored = outputs.commit(self.labels, lows)
-                self._warnings[0] += stored.warnings
-                self._show(lows, stored)
-        return [
-            Report.of(drawn.stored_as(stored, warnings, margin))
-            for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
-        ]
-
-    def _show(self, lows: Sequence[bpy.types.Object], stored: Stored) -> None:
-        """Show the stored maps in the materials of the low objects. Adds to the warnings."""
-        shown = [
-            Shown(low, drawn.meshes.uv_layer, stored.image, stored.maps, drawn.meshes.is_own_base)
-            for low, drawn in zip(lows, self.drawn, strict=True)
-        ]
-        if self.settings.storing.one_material:
-            self._warnings[0] += one_material.put(shown, self.settings, ATLAS if len(lows) > 1 else lows[0].name)
-            return
-        for each, drawn, warnings in zip(shown, self.drawn, self._warnings, strict=True):
-            own, slots = drawn.request.settings, drawn.request.job.slots
-            warnings.extend(
-                into_materials(each.low, stored, each.uv_layer, own, slots=slots, is_own_base=each.is_own_base)
-            )
-
-    def _fill(self, outputs: Outputs, timings: Timings) -> float:
-        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        lows = [*self._lows, *self.kept.meshes]
-        post_processes = margins.for_maps(lows, self.settings, has_owner=bool(self.kept))
-        margin = texels = 0
-        with gpu_memory.trimmed():
-            for tile, maps in self.tiles.items():
-                run, is_kept = Run(self.settings, timings=timings), None
-                if self.kept:
-                    is_of_others = self._of_others(tile, maps)
-                    self._owners[tile][is_of_others] = 0
-                    maps = margins.with_owner(maps, is_of_others)  # noqa: PLW2901 - the same, with more
-                finished = progress.finish(texels_of(DrawnMaps(maps), tile, run, post_processes))
-                if self.kept:
-                    is_kept = margins.without_others(finished, post_processes)
-                self._fill_misses(tile, maps, finished, run, post_processes)
-                state = finished[NORMAL.name][1]
-                margin += int(np.count_nonzero(state == MARGIN))
-                texels += state.size
-                outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)), is_kept)
-        return margin / texels
-
-    def _fill_misses(
-        self,
-        tile: int,
-        maps: dict[str, np.ndarray],
-        finished: dict[str, Map],
-        run: Run,
-        processes: dict[str, margins.PostProcess],
-    ) -> None:
-        """Let the colors of each bake go on where its own rays miss: those of others may be nearer, or not known.
-
-        Args:
-            maps: Of the tile, without a margin.
-            finished: The maps as they are stored, which change in place.
-        """
-        names = [name for name in finished if BY_NAME[name].fills_misses]
-        missed = self._owners[tile] * (finished[NORMAL.name][1] == MISSED)
-        numbers = np.unique(missed[missed > 0]) if len(self.drawn) > 1 or self.kept else ()
-        for number in numbers:
-            is_own, is_missed = self._owners[tile] == number, missed == number
-            for name in names:
-                own = {name: np.where(is_own[..., None], maps[name], np.float32(0.0))}
-                filled = texels_of(DrawnMaps(own), tile, run, {name: processes[name]})
-                for whole, part_of in zip(finished[name], progress.finish(filled)[name], strict=True):
-                    whole[is_missed] = part_of[is_missed]
-
-    @property
-    def _lows(self) -> list[Mesh]:
-        return [drawn.meshes.low for drawn in self.drawn]
-
-    def _of_others(self, tile: int, maps: dict[str, np.ndarray]) -> np.ndarray:
-        """The texels (height, width) bool of a tile that low objects have which are not baked."""
-        is_covered = self.kept.covered(tile, self.drawn[0].request.settings.sampling)
-        is_hit = maps[NORMAL.name][..., 3] > 0.0
-        lost = np.count_nonzero(is_hit & is_covered)
-        if lost > MOST_TAKEN * np.count_nonzero(is_hit):
-            names = [shorten_list(repr(low.name) for low in lows) for lows in (self._lows, self.kept.meshes)]
-            raise BakeError(
-                f"{names[0]} and {names[1]}, which the image has already, have the same texels: choose another name for "
-                "the image, or give them UV maps side by side and bake all of them together."
-            )
-        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
-            text = (
-                f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
-                "apart, or bake a map for each with {low} in the name."
-            )
-            self._warnings[0].append(Sentence(text, WRONG))
-        return is_covered
-
-    def _lay_over(self, tile: int, above: dict[str, np.ndarray]) -> None:
-        """Combine one tile of the last bake with those of the bakes before it."""
-        below = self.tiles[tile]
-        alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
-        is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
-        lost = np.count_nonzero(is_hit & was_hit)
-        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
-            low, *before = [drawn.request.job.low for drawn in self.drawn[::-1]]
-            same = [repr(other.name) for other in before if other.data == low.data]
-            whose = f"{shorten_list(same)}, which have the same mesh" if same else "other objects in the same image"
-            apart = "make it a single user and pack the UV maps" if same else "move their UVs apart"
-            text = (
-                f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with {{low}} in "
-                "the name."
-            )
-            self._warnings[-1].append(Sentence(text, WRONG))
-        wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
-        for name, values in above.items():
-            np.copyto(below[name], values, where=wins[..., None])
-        self._owners[tile][wins] = len(self.drawn)
-
-    def _renumber(self, maps: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
-        """Give each name in the atlas its own number. Each bake numbers its objects and materials from 1."""
-        numbers = {}
-        for labeled, names in labels.items():
-            known = self.labels[labeled]
-            known += [name for name in dict.fromkeys(names) if name not in known]
-            numbers[labeled] = np.array([0, *(known.index(name) + 1 for name in names)], np.float32)
-        for tile_maps in maps.values():
-            for name, values in tile_maps.items():
-                labeled = BY_NAME[name].labeled
-                if labeled:
-                    values[..., :3] = numbers[labeled][values[..., :3].astype(np.int32)]
-
-
-MOST_TAKEN = 0.1
-"""The share of the texels of what is baked that others in the same image may have."""
 PROGRESS_SECONDS = 0.25
 """Seconds between two calls of a listener."""
 
@@ -286,48 +100,51 @@ def work(
         goes_on: whether a bake that fails does not end the others: a step with the failure follows it, and only if all fail, it
             raises BakeError.
     """
-    groups = _groups(context, jobs, settings, wants, shared_name if share_image else "")
-    if only is not None:
-        groups = [[request for request in group if request.job.low_ref.uid in only] for group in groups]
-    planned, failures = _checked(context, groups, is_shared=share_image)
+    shared_name = shared_name if share_image else ""
+    groups = _groups(context, jobs, settings, wants, shared_name)
+    planned, failures = _checked(context, groups, only, shared_name)
     for name, error in failures.items():
         if not goes_on:
             raise error
         yield Progress("Starting", 0.0, failure=(name, str(error)))
     if failures and not planned:
         raise next(iter(failures.values()))
-    total, begun = sum(len(group) for group, _ in planned), 0
+    total, begun = sum(len(texture.requests) for texture in planned), 0
     reports: list[Report] = []
-    for group, kept in planned:
-        start, begun = begun / total, begun + len(group)
-        steps = part(_into_one(context, group, pace, kept, is_alone=not share_image), start, begun / total)
-        name = "" if share_image else group[0].job.low_ref.name
+    failed: dict[str, str] = {}
+    for texture in planned:
+        lows = [request.job.low_ref.name for request in texture.requests]
+        start, begun = begun / total, begun + len(lows)
+        failed = {}
+        steps = part(into_one(context, texture, pace, failed if goes_on else None), start, begun / total)
         try:
-            baked = yield from relay(steps, partial(replace, finished=len(reports), low=name))
+            baked = yield from relay(steps, partial(replace, finished=len(reports), low="" if share_image else lows[0]))
         except BakeError as error:
             if not goes_on:
                 raise
-            for request in group:
-                failure = request.job.low_ref.name, str(error)
-                yield Progress("Storing", begun / total, finished=len(reports), failure=failure)
-            if begun == total and not reports:
-                raise
-        else:
-            for report in baked:
-                reports.append(report)
-                yield Progress("Storing", begun / total, finished=len(reports), report=report)
+            baked, failed = [], dict.fromkeys(lows, str(error)) | failed
+        for failure in failed.items():
+            yield Progress("Storing", begun / total, finished=len(reports), failure=failure)
+        for report in baked:
+            reports.append(report)
+            yield Progress("Storing", begun / total, finished=len(reports), report=report)
+    if not reports and failed:
+        raise BakeError(next(iter(failed.values())))
     return reports
 
 
 def _checked(
-    context: bpy.types.Context, groups: Sequence[Sequence[Request]], *, is_shared: bool
-) -> tuple[list[tuple[list[Request], Kept]], dict[str, BakeError]]:
-    """The bakes that can be done, by image, with what others keep in it; and why others cannot, by the names of low objects."""
-    planned: list[tuple[list[Request], Kept]] = []
+    context: bpy.types.Context, groups: Sequence[Sequence[Request]], only: Collection[int] | None, shared_name: str
+) -> tuple[list[Texture], dict[str, BakeError]]:
+    """What can be baked, by image, and why others cannot, by the names of low objects. only, shared_name: as in `work`; no name
+    if low objects share no images."""
+    planned: list[Texture] = []
     failures: dict[str, BakeError] = {}
     for group in groups:
         ready = []
         for request in group:
+            if only is not None and request.job.low_ref.uid not in only:
+                continue
             try:
                 check_job(context, request.job, request.settings)
                 ready.append(request)
@@ -336,10 +153,11 @@ def _checked(
         jobs = [request.job for request in ready]
         try:
             if ready:
-                kept = shared_image.kept(context, jobs, ready[0].settings, is_shared=is_shared)
-                planned.append((ready, kept))
+                kept = shared_image.kept(context, jobs, ready[0].settings, is_shared=bool(shared_name))
+                lows = frozenset(request.job.low_ref for request in group)
+                planned.append(Texture(ready, kept, shared_name, lows))
         except BakeError as error:
-            failures |= {job.low_ref.name: error for job in jobs}
+            failures = {job.low_ref.name: error for job in jobs} | failures
     return planned, failures
 
 
@@ -447,28 +265,6 @@ def occluders(
     for own in job.refs:
         refs.pop(own.uid, None)
     return tuple(refs.values())
-
-
-def _into_one(
-    context: bpy.types.Context, requests: Sequence[Request], pace: Pace, kept: Kept, *, is_alone: bool = False
-) -> Task[list[Report]]:
-    """Do all bakes into the same images, with what is kept in them. is_alone: whether it is one bake, into its own images."""
-    if is_alone and not kept:
-        return [(yield from bake_job(context, requests[0], pace))]
-    atlas = Atlas(requests[0].settings, kept)
-    for number, request in enumerate(requests):
-        run = Run(request.settings, pace)
-        steps = run.timings.counted(relay(draw_raw(context, request, run), partial(_check_lows, requests)))
-        atlas.add(*(yield from part(steps, number / len(requests), (number + 1) / len(requests))))
-    yield Progress("Storing", 1.0)
-    return atlas.store()
-
-
-def _check_lows(requests: Sequence[Request], step: Progress) -> Progress:
-    """`step` of a bake into the image of all. Raises BakeError if one of their low objects was deleted."""
-    for request in requests:
-        request.job.check_low(step)
-    return step
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:

@@ -199,6 +199,21 @@ def into_materials(
     return list(dict.fromkeys(warnings))
 
 
+@journal.recorded
+def fill_slots(
+    low: Object, name: str, together: Sequence[Object], *, single_user: bool = False, is_own_base: bool = False
+) -> None:
+    """Put one material into the empty slots that faces of `low` use: the one of this name that objects of `together` show, or
+    a new one. single_user, is_own_base: as in `hook_up`."""
+    shown = [slot.material for obj in together for slot in obj.material_slots if slot.material]
+    known = next((material for material in shown if name in (material.name, material.get(BARE))), None)
+    _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user, name, known)
+
+
+BARE = "imprint_bare"
+"""The custom property of a material for faces that had none: the name that it was to have, which another one may have."""
+
+
 def show_normal_map(
     low: Object,
     image: Image,
@@ -262,23 +277,24 @@ def _edit(
 
     shown: what they show then. Returns notes, with those of `connect`.
     """
-    _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user)
+    _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user, low.name)
     sharers = _sharers(low)
     notes = []
     with_map = {part.name for image in shown for part in shared_maps.parts_of_image(image.name)}
+    alike = [low, *(obj for obj in bpy.data.objects if obj != low and obj.name in with_map and obj.is_editable)]
     own = {slot.material for slot in low.material_slots}
     for material in of(low, slots, is_own_base=is_own_base):
-        is_local, others = _is_local(material), sharers[material]
+        is_local, others = _is_local(material), [name for name in sharers[material] if name not in with_map]
         state = f'Material "{material.name}" ' + (_list(others) if is_local else "is linked from a library")
         target = material
         if single_user and (others or not is_local) and material in own:
-            target = _copy_for(low, material)
+            target = _copy_for(alike, material)
             notes.append(f'{state}; "{low.name}" now uses the copy "{target.name}".')
         elif not is_local:
             notes.append(f"{state} and was left as it is; make it local, or ask for a single-user copy.")
             continue
-        elif others := [name for name in others if name not in with_map]:
-            notes.append(f'Material "{material.name}" {_list(others)}; the map shows there too.')
+        elif others:
+            notes.append(f"{state}; the map shows there too.")
         notes.extend(older_blender.switch_on_nodes(target))
         notes.extend(connect(target))
     return notes
@@ -305,8 +321,8 @@ def _shown(low: Object, *, is_own_base: bool) -> Object:
     return evaluated if evaluated.data.polygons else low
 
 
-def _fill_slots(low: Object, shown: Object, single_user: bool) -> None:
-    """Put one new material into all empty slots that the faces of low use. shown: as `_shown` returns it."""
+def _fill_slots(low: Object, shown: Object, single_user: bool, name: str, known: Material | None = None) -> None:
+    """Put one material, `known` or a new one, into all empty slots that the faces of low use. shown: as `_shown` returns it."""
     if not shown.material_slots:
         low.data.materials.append(None)
         shown = low
@@ -318,19 +334,22 @@ def _fill_slots(low: Object, shown: Object, single_user: bool) -> None:
     own = low.material_slots
     empty = [own[i] for i in used.tolist() if not slots[i].material and i < len(own) and not own[i].material]
     if empty:
-        material = bpy.data.materials.new(low.name)
+        material = known or bpy.data.materials.new(name)
         older_blender.switch_on_nodes(material)
+        if known is None and name != low.name:
+            material[BARE] = name
         for slot in empty:
             _assign(low, slot, material, single_user)
 
 
-def _copy_for(low: Object, material: Material) -> Material:
-    """Replace the material in the slots of `low` by a copy, and return the copy."""
+def _copy_for(lows: Sequence[Object], material: Material) -> Material:
+    """Replace the material in the slots of objects by a copy, and return the copy."""
     copy = material.copy()
     copy.make_local()  # the copy of a library override is an override too
-    for slot in low.material_slots:
-        if slot.material == material:
-            _assign(low, slot, copy, True)
+    for low in lows:
+        for slot in low.material_slots:
+            if slot.material == material:
+                _assign(low, slot, copy, True)
     return copy
 
 

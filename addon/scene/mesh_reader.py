@@ -100,6 +100,11 @@ def active_uv_layer(data: bpy.types.Mesh) -> str:
     return (data.uv_layers.active or data.uv_layers[0]).name
 
 
+def is_rendered(obj: bpy.types.Object, uv_layer: str) -> bool:
+    """Whether renders use this UV map of a mesh object where nothing names one."""
+    return any(layer.name == uv_layer and layer.active_render for layer in obj.data.uv_layers)
+
+
 def corner_normals(data: bpy.types.Mesh) -> np.ndarray:
     """The normals of the corners, (C, 3) float32."""
     return foreach.vectors(data.corner_normals)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
+from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
 from tests.support import maps, scenes, zoo
@@ -42,9 +43,9 @@ def grid(count, columns):
     ]
 
 
-def nine(material):
-    """Nine squares of one material side by side."""
-    jobs = [square(str(number), place, [material], number) for number, place in enumerate(grid(9, 3))]
+def nine(material, count=9):
+    """Nine squares of one material side by side, or fewer."""
+    jobs = [square(str(number), place, [material], number) for number, place in enumerate(grid(count, 3))]
     bpy.context.view_layer.update()
     return jobs
 
@@ -155,3 +156,85 @@ def test_only_some_are_baked():
     assert [report.low for report in bake(jobs[:2], share_image=False, only={jobs[1].low.session_uid})] == ["1_low"]
     with pytest.raises(BakeError, match="would both fill"):
         bake(jobs[:2], Settings(**SAME, image="{material}"), share_image=False, only={jobs[1].low.session_uid})
+
+
+def images_of(material):
+    """The images that a material shows."""
+    return {node.image.name for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"}
+
+
+@pytest.mark.parametrize("is_taken", [False, True])
+def test_faces_without_a_material_share_a_new_one(is_taken):
+    """It is called as the set, and its texture too, also in the next bake."""
+    jobs = [square(str(number), place, [], number) for number, place in enumerate(grid(3, 2))]
+    jobs[2].low.data.materials.append(bpy.data.materials.new("crate") if is_taken else None)
+    bpy.context.view_layer.update()
+    for _ in range(2):
+        reports = bake(jobs, shared_name="crate")
+        assert {report.image for report in reports} == {"crate_normal"}
+        assert not [warning for report in reports for warning in report.warnings if "aterial" in warning]
+        assert {slot.material.name for job in jobs for slot in job.low.material_slots} == {"crate"}
+    assert len(bpy.data.materials) == 1
+    assert images_of(bpy.data.materials[0]) == {"crate_normal"}
+
+
+@pytest.mark.parametrize("single_user", [False, True])
+def test_a_material_that_others_wear(single_user):
+    """It is told as long as the map shows on others; with Single User all parts get one copy, and others keep theirs."""
+    wood = bpy.data.materials.new("Wood")
+    jobs = nine(wood, 3)
+    outside = zoo.plane("outside")
+    outside.data.materials.append(wood)
+    reports = bake(jobs, Settings(**SAME, single_user=single_user))
+    worn = {job.low.material_slots[0].material for job in jobs}
+    assert len(worn) == 1
+    told = [warning for report in reports for warning in report.warnings if "outside" in warning]
+    if single_user:
+        assert wood not in worn
+        assert (len(told), images_of(wood), images_of(worn.pop())) == (1, set(), {"Wood_normal"})
+    else:
+        assert worn == {wood}
+        assert len(told) == 3
+        bpy.data.objects.remove(outside)
+        assert not [warning for report in bake(jobs) for warning in report.warnings if "is also on" in warning]
+
+
+@pytest.mark.parametrize("rendered", [True, False])
+def test_uv_maps_of_several_names(rendered):
+    """A material names none of them if each is the one that its object renders; else a sentence tells."""
+    jobs = nine(bpy.data.materials.new("Wood"), 2)
+    first, second = (job.low.data.uv_layers for job in jobs)
+    second[0].name = "Atlas"
+    if not rendered:
+        second.new(name="other", do_init=False).active_render = True
+    reports = bake(jobs)
+    told = [warning for report in reports for warning in report.warnings if "UV maps of several names" in warning]
+    assert [warning.count("'1_low' active for rendering") for warning in told] == [1] * (0 if rendered else len(told))
+    assert bool(told) != rendered
+    nodes = bpy.data.materials["Wood"].node_tree.nodes
+    assert not [node for node in nodes if node.bl_idname == "ShaderNodeUVMap"]
+    assert [node.uv_map for node in nodes if node.bl_idname == "ShaderNodeNormalMap"] == [""]
+    second[0].name = first[0].name
+    bake(jobs[:1])
+    (node,) = (node for node in nodes if node.bl_idname == "ShaderNodeNormalMap")
+    assert node.uv_map == first[0].name
+
+
+def test_a_part_that_cannot_be_drawn_keeps_its_texels_and_the_others_are_baked():
+    jobs = nine(bpy.data.materials.new("Wood"))
+    bake(jobs)
+    before = maps.pixels(bpy.data.images["Wood_normal"])
+    for job in jobs:
+        job.highs[0].scale.z = -3.0
+    jobs[4].highs[0].location.z = 100.0
+    bpy.context.view_layer.update()
+    far = [job.but(tracing=Settings(**SAME, extrusion=0.5, max_distance=1.0).tracing) for job in jobs]
+    steps = list(bake_jobs.work(bpy.context, far, Settings(**SAME), Pace(), share_image=True, goes_on=True))
+    assert [step.failure[0] for step in steps if step.failure] == ["4_low"]
+    assert [step.report.low for step in steps if step.report] == [f"{number}_low" for number in range(9) if number != 4]
+    is_changed = (maps.pixels(bpy.data.images["Wood_normal"]) != before).any(axis=-1)
+    left, bottom, width, height = (round(32 * value) for value in grid(9, 3)[4])
+    assert not is_changed[bottom : bottom + height, left : left + width].any()
+    assert is_changed.mean() > 0.5
+    with pytest.raises(BakeError):
+        bake(far)
