@@ -103,7 +103,7 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
     else:
         _regenerate(image, width, height, is_float)
         if pack and image.depth in OPAQUE_BITS:
-            _give_alpha(image)
+            _give_alpha(image, color_space)
     keep_values(image, color_space)
     image.pixels.foreach_set(texels.reshape(-1))
     image.update()
@@ -121,7 +121,7 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
 @journal.replayed
 def show_packed(name: str, path: str, *, color_space: str = "") -> bpy.types.Image:
     """The image `name`, made if missing, packed, with the content of the file at `path`, as `fill` has packed it."""
-    image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
+    image = get(name) or bpy.data.images.new(name, 1, 1, alpha=True, is_data=True)
     content = Path(path).read_bytes()
     _forget_pixels(image)
     image.source = "FILE"
@@ -277,7 +277,7 @@ def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool)
         image.use_generated_float = is_float
 
 
-def _give_alpha(image: bpy.types.Image) -> None:
+def _give_alpha(image: bpy.types.Image, color_space: str) -> None:
     """Give alpha to an image that was made without it, so that packing keeps it.
 
     Generating its pixels again does not help. Loading them from a file does, here a packed file of one texel.
@@ -291,5 +291,5 @@ def _give_alpha(image: bpy.types.Image) -> None:
         image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
     finally:
         bpy.data.images.remove(seed)
-    keep_values(image)  # before scaling, which sets pixels
+    keep_values(image, color_space)  # before scaling, which sets pixels
     image.scale(width, height)

@@ -26,7 +26,8 @@ from .atomic_file import Partial
 
 Find = Callable[[str, str], bpy.types.Object | None]
 """The object with a name, and the path of its library, or empty, when the journal was written; None if it is gone."""
-SHOW = "datablocks.show"
+SHOW, PACKED = "datablocks.show", "datablocks.show_packed"
+"""The functions whose first argument is the name of an image."""
 _KIND = "imprint"
 """The key of plain data with the name of what it stands for."""
 _functions: dict[str, Callable] = {}
@@ -193,7 +194,7 @@ def objects_of(calls: Iterable[list]) -> list[tuple[str, str]]:
 
 def images_of(calls: Iterable[list]) -> list[str]:
     """The names of the images that the calls of a journal fill."""
-    return list(dict.fromkeys(arguments[0] for name, arguments, _ in calls if name in {SHOW, "datablocks.show_packed"}))
+    return list(dict.fromkeys(arguments[0] for name, arguments, _ in calls if name in {SHOW, PACKED}))
 
 
 def files_of(calls: Iterable[list]) -> list[str]:

@@ -93,6 +93,8 @@ class Item:
     name: str
     scene_uid: int
     run: "Run"
+    changed: bool = False
+    """Whether only parts are baked whose maps are not those of the file."""
     state: Stage = Stage.WAITING
     done: float = 0.0
     """The finished share, from 0 to 1."""
@@ -173,6 +175,12 @@ class Made:
     baked: str = ""
     """When its low objects count as baked, once it is in the file."""
 
+    @property
+    def size(self) -> int:
+        """The bytes of its packed maps."""
+        paths = [arguments[1] for name, arguments, _ in self.calls if name == journal.PACKED]
+        return sum(os.path.getsize(path) for path in paths if os.path.exists(path))
+
 
 class BakeProcess(Process):
     """The process that bakes."""
@@ -208,7 +216,9 @@ class Queue:
         self._messages: SimpleQueue = SimpleQueue()
         self._made: Made | None = None
         """What waits until the file may be changed."""
+        self._runs: list[Run] = []
         self._taken: list[Made] = []
+        """What has arrived, to put it back after Undo."""
         self._written: dict[str, tuple] = {}
         """The files that were moved to their places, as they are since then."""
         self._cancel_by = 0.0
@@ -218,16 +228,20 @@ class Queue:
 
     # What the window asks for
 
-    def add(self, context: bpy.types.Context, names: Sequence[str]) -> None:
-        """Add sets of the context's scene, as they are now. Those that are in the queue are baked anew. Raises BakeError."""
+    def add(self, context: bpy.types.Context, names: Sequence[str], *, changed: bool = False) -> None:
+        """Add sets of the context's scene, as they are now. Those that are in the queue are baked anew. Raises BakeError.
+
+        changed: only parts whose maps are not those of the file.
+        """
         for name in names:
             self.cancel(context.scene, name)
         start = time.perf_counter()
         run = _save(context)
         self.saving = time.perf_counter() - start
+        self._runs.append(run)
         uid = context.scene.session_uid
         self.items = [each for each in self.items if each.is_open or each.scene_uid != uid or each.name not in names]
-        self.items += [Item(name, uid, run) for name in names]
+        self.items += [Item(name, uid, run, changed) for name in names]
         self.timer.start()
 
     def pause(self, *, is_paused: bool) -> None:
@@ -255,8 +269,8 @@ class Queue:
         self._stop()
         while self._leaving:
             self._leaving.pop()[0].close(0.0)
-        for run in dict.fromkeys(each.run for each in [*self.items, *self._taken]):
-            run.close()
+        while self._runs:
+            self._runs.pop().close()
         self.items, self._taken, self.is_paused, self._written = [], [], False, {}
 
     def state_of(self, scene: bpy.types.Scene, name: str) -> Item | None:
@@ -306,7 +320,9 @@ class Queue:
             case ["made", calls, reports]:
                 self._made = Made(calls, reports, process.run, time.monotonic())
                 self._arrive()
-            case ["ended", ended, why, left_out]:
+            case ["ended", ended, why, left_out, calls]:
+                with suppress(BakeError):  # an object is gone
+                    journal.replay(calls, process.run.find)
                 self._ended(ended, why, left_out)
             case Gone():
                 process.gone_at = time.monotonic()
@@ -323,7 +339,7 @@ class Queue:
         mine = [each for each in self._waiting() if each.run is process.run]
         if mine:
             mine[0].state = Stage.BAKING
-            process.answer(["set", mine[0].name])
+            process.answer(["set", mine[0].name, mine[0].changed])
         else:
             self._dismiss()
 
@@ -396,10 +412,14 @@ class Queue:
 
     def _close_runs(self) -> None:
         """Remove the copies that no set needs any more."""
-        open_runs = [each.run for each in self.items if each.is_open]
-        for run in dict.fromkeys(each.run for each in self.items):
-            if run not in open_runs and run.copy is not None:
+        open_runs = {each.run for each in self.items if each.is_open}
+        kept = {each.run for each in self._taken}
+        for run in [each for each in self._runs if each not in open_runs]:
+            if run.copy is not None:
                 run.copy.remove()
+            if run not in kept:
+                run.close()
+                self._runs.remove(run)
 
     # What arrives
 
@@ -447,6 +467,8 @@ class Queue:
         for path in journal.files_of(made.calls):
             self._written[path] = _stamp(path)
         self._taken.append(made)
+        while len(self._taken) > 1 and sum(each.size for each in self._taken) > MOST_KEPT:
+            del self._taken[0]
 
     def _after_undo(self, *_) -> None:
         """Put back what Undo took: the window did it in no step."""
@@ -654,6 +676,9 @@ class IMPRINT_OT_queue_add(QuickOperator, bpy.types.Operator):
 
     all: labeled(BoolProperty, "All", "All sets that are switched on, instead of the active one", options={"SKIP_SAVE"})
     name: labeled(StringProperty, "Name", "Name of the set; empty for the active one", options={"SKIP_SAVE"})
+    changed: labeled(
+        BoolProperty, "Changed", "Bake only parts whose maps are not those of the scene as it is", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -669,7 +694,7 @@ class IMPRINT_OT_queue_add(QuickOperator, bpy.types.Operator):
         unknown = [name for name in names if name not in sets]
         if unknown or not names:
             raise BakeError(f"There is no set {shorten_list(map(repr, unknown))}." if unknown else "No set is on.")
-        queue.add(context, names)
+        queue.add(context, names, changed=self.changed)
         return ""
 
 

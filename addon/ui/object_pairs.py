@@ -31,6 +31,7 @@ from ..core.report import VERSION, Report
 from ..core.sentences import WRONG, rated
 from ..jobs import part_state
 from ..jobs.job import Job
+from ..output import journal
 from ..scene import object_checks
 from ..scene.object_checks import GONE, ObjectRef, is_deleted
 from .callbacks import events, registering, until_change
@@ -324,6 +325,7 @@ def keep_reports(low: bpy.types.Object, reports: Sequence[Report], now: str = ""
     low.imprint.baked = now or datetime.now(UTC).isoformat(timespec="microseconds")
 
 
+@journal.recorded
 def keep_failure(low: bpy.types.Object, why: str) -> None:
     """Keep why the last bake of a low object failed, or that it did not."""
     if low.is_editable and (why or of(low) is not None):

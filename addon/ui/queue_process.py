@@ -10,6 +10,7 @@ import faulthandler
 import os
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -20,17 +21,19 @@ import numpy as np
 from .. import older_blender
 from ..core.errors import BakeError, sentence
 from ..core.processes import CONNECTION, end_with_parent
-from ..core.progress import Pace, Progress, Task
+from ..core.progress import Pace, Progress
 from ..core.report import Report
-from ..jobs import sets as set_jobs
+from ..jobs.job import Wants
 from ..jobs.sets import SetJob
 from ..output import atomic_file, datablocks
 from ..output.journal import Journal
-from . import set_operators
+from . import results, set_operators
+from .results import Batch
 
 if os.name == "nt":
     from multiprocessing.connection import PipeConnection
 
+FAILURE = "object_pairs.keep_failure"
 SLICE = 0.25
 """Seconds of work between two looks at what the window has sent."""
 
@@ -127,10 +130,11 @@ def run() -> None:
     try:
         setup = Setup(**window.ask("ready"))
         _open(setup)
-        _, name = window.ask("opened")
+        _, name, changed = window.ask("opened")
         while True:
             window.begin()
-            _, name = window.ask("ended", *older_blender.with_gpu(lambda name=name: _result(window, setup, name)))
+            bake = partial(_result, window, setup, name, changed=changed)
+            _, name, changed = window.ask("ended", *older_blender.with_gpu(bake))
     except _Gone:
         atomic_file.remove_all()
 
@@ -155,67 +159,70 @@ def _open(setup: Setup) -> None:
             image.update()
 
 
-def _result(window: _Window, setup: Setup, name: str) -> tuple[str, str, list]:
-    """Bake a set. Returns how that ended, a sentence, and what was left out."""
+def _result(window: _Window, setup: Setup, name: str, *, changed: bool) -> tuple[str, str, list, list]:
+    """Bake a set. Returns how that ended, a sentence, what was left out, and what else changes the file."""
     left_out: list[tuple[str, str]] = []
+    journal = Journal(Path(setup.folder), setup.file)
     try:
-        _bake(window, setup, name, left_out)
+        with journal.recording():
+            reports = _bake(window, setup, journal, left_out, set_operators.chosen(bpy.context, name), changed=changed)
+            results.keep_batch(Batch(left_out, sorted({report.low for report in reports})))
+        ended, why = "DONE", ""
     except Canceled:
-        return "CANCELED", "", left_out
+        ended, why = "CANCELED", ""
     except NotTaken as error:
-        return "NOT_TAKEN", str(error), left_out
+        ended, why = "NOT_TAKEN", str(error)
     except (BakeError, MemoryError) as error:
-        return "FAILED", sentence(error), left_out
-    return "DONE", "", left_out
+        ended, why = "FAILED", sentence(error)
+    finally:
+        rest = [each for each in journal.calls if each[0] == FAILURE]
+        journal.close()
+    return ended, why, left_out, rest
 
 
-def _bake(window: _Window, setup: Setup, name: str, left_out: list[tuple[str, str]]) -> None:
-    ((set_job, wants),) = set_operators.chosen(bpy.context, name)
-    set_job = _in_place(set_job, setup)
-    left_out.extend(set_job.left_out)
-    journal, sent = Journal(Path(setup.folder), setup.file), []
+def _bake(
+    window: _Window,
+    setup: Setup,
+    journal: Journal,
+    left_out: list[tuple[str, str]],
+    chosen: list[tuple[SetJob, Wants]],
+    *,
+    changed: bool,
+) -> list[Report]:
+    """Bake sets, and have the window take each image with all that is shown in it. Adds to what was left out."""
+    made: list[Report] = []
 
-    def deliver(reports: list[Report]) -> None:
-        problem = window.ask("made", journal.calls, [_plain(each) for each in reports])["problem"]
+    def deliver() -> None:
+        problem = window.ask("made", journal.calls, list(map(_plain, made)))["problem"]
         if problem:
             raise NotTaken(problem)
         journal.taken()
-        sent.extend(map(id, reports))
+        made.clear()
 
-    baking = set_jobs.work(bpy.context, set_job, Pace(SLICE, has_picture=False), wants=wants)
-    try:
-        with journal.recording():
-            reports = _finish(baking, window, deliver, left_out)
-        rest = [each for each in reports if id(each) not in sent]
-        if rest:
-            deliver(rest)
-    finally:
-        baking.close()
-        journal.close()
-
-
-def _finish(baking: Task[list[Report]], window: _Window, deliver: Any, left_out: list[tuple[str, str]]) -> list[Report]:
-    """Take all steps of a bake, and deliver the reports that come with them."""
-    made: list[Report] = []
+    chosen = [(_in_place(set_job, setup), wants) for set_job, wants in chosen]
+    baking = set_operators.bake_sets(bpy.context, chosen, Pace(SLICE, has_picture=False), changed=changed)
     try:
         while True:
             step: Progress = next(baking)
             window.send("share", step.done, step.what, list(map(str, atomic_file.folders())))
-            if step.failure:
-                left_out.append(step.failure)
             if step.report:
                 made.append(step.report)
-            elif made:  # the reports of a shared image follow each other
-                deliver(made)
-                made = []
-            if not made:
-                window.obey()
+                continue  # the reports of a shared image follow each other
+            if made:
+                deliver()
+            window.obey()
     except StopIteration as end:
-        return end.value
+        done = end.value
     except BakeError:
         if made:  # images before the one that failed stay
-            deliver(made)
+            deliver()
         raise
+    finally:
+        baking.close()
+    if made:
+        deliver()
+    left_out += done.left_out
+    return done.reports
 
 
 def _in_place(set_job: SetJob, setup: Setup) -> SetJob:

@@ -14,7 +14,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.output import atomic_file, image_file, outputs
+from addon.output import atomic_file, datablocks, image_file, outputs
 from addon.output.write_queue import Content
 from tests.support import scenes, zoo
 from tests.support.maps import pixels
@@ -366,6 +366,13 @@ def test_an_existing_image_is_packed_with_alpha(texels, depth, step, tmp_path):
     assert image == user_of_image()
     assert_texels(image, texels, step)
     assert_is_data(image)
+
+
+def test_an_opaque_image_of_colors_is_packed_with_alpha(texels):
+    """Blender drops the pixels of an image when its color space changes."""
+    bpy.data.images.new("colors", 4, 4, alpha=False)
+    datablocks.fill("colors", texels, is_float=False, pack=True, color_space="sRGB")
+    assert_texels(bpy.data.images["colors"], texels, STEP_8)
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,19 @@
 """Tests the queue: that its process bakes what the window bakes, and what remains of it whatever ends it."""
 
 import json
+import os
+import signal
 import time
+from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
+from addon import older_blender
 from addon.core.progress import finish
 from addon.jobs import part_state
-from addon.ui import object_pairs, sets
+from addon.ui import bake_queue, object_pairs, sets
 from addon.ui.bake_queue import Stage, queue
 from tests.support.panel import use
 from tests.support.snapshot import difference, snapshot
@@ -146,3 +150,211 @@ def test_the_queue_bakes_what_the_window_bakes(file, tmp_path):
     assert changed() == dict.fromkeys(("crate_low", "lid_low", "lock_low", "rope_low"), [])
     fleeting = "generated_width", "generated_height", "use_generated_float"
     assert difference(without(before, *fleeting), without(after, *fleeting)) == {}
+
+
+def tokens():
+    """What the file has of each image, without what reading it loads."""
+    return {image.name: (image.source, image.filepath, image.is_dirty) for image in bpy.data.images}
+
+
+def test_what_is_newer_stays(file, tmp_path):
+    """Files, images and low objects that change while the queue bakes; other sets go on."""
+    folder = opened(file, tmp_path / "there")
+    image = bpy.data.images.new("rope_low_normal", SIDE, SIDE)
+    add()
+    painted = np.random.default_rng(7).random(4 * SIDE * SIDE, np.float32)
+    image.pixels.foreach_set(painted)
+    (folder / "maps").mkdir()
+    png = folder / "maps" / "crate_low_ao.png"
+    png.write_bytes(b"of another program")
+    wait()
+    found = states()
+    assert found["Files"] == (
+        Stage.FAILED,
+        f"The file {str(png)!r} was changed meanwhile, and stays: add the set again.",
+    )
+    why = "The image 'rope_low_normal' was changed meanwhile, and stays: add the set again."
+    assert found["Memory"] == (Stage.FAILED, why)
+    assert found["Packed"] == (Stage.DONE, "")
+    assert png.read_bytes() == b"of another program"
+    assert [each.name for each in (folder / "maps").iterdir()] == [png.name]
+    texels = np.empty_like(painted)
+    image.pixels.foreach_get(texels)
+    assert np.abs(texels - painted).max() <= 0.5 / 255.0
+    assert "rope_low_ao" not in bpy.data.images
+    assert changed() == {"crate_low": None, "lid_low": [], "lock_low": [], "rope_low": None}
+    png.unlink()
+    bpy.data.images.remove(image)
+    add("Files", "Memory")
+    wait()
+    assert set(states().values()) == {(Stage.DONE, "")}
+    assert changed() == dict.fromkeys(("crate_low", "lid_low", "lock_low", "rope_low"), [])
+
+
+def test_a_low_object_that_is_baked_or_deleted_meanwhile_is_left_alone(file, tmp_path):
+    opened(file, tmp_path / "there")
+    add()
+    assert bpy.ops.imprint.bake_sets(name="Memory") == {"FINISHED"}
+    rope = bpy.data.objects["rope_low"]
+    before = rope.imprint.baked, rope.imprint.result, tokens()
+    bpy.data.objects.remove(bpy.data.objects["lid_low"])
+    bpy.data.objects["crate_low"].name = "box"  # it is found all the same
+    bpy.data.objects["crate_high"].data.vertices[0].co.x += 0.5
+    wait()
+    assert states() == {
+        "Files": (Stage.DONE, ""),
+        "Packed": (Stage.FAILED, "A low object was deleted during the bake, so its maps were left out."),
+        "Memory": (Stage.FAILED, "'rope_low' was baked again meanwhile: these newer maps stay."),
+    }
+    assert (rope.imprint.baked, rope.imprint.result) == before[:2]
+    assert tokens().items() >= before[2].items()
+    assert changed()["box"] == ["the mesh of 'crate_high'"]
+    assert {image.name for image in bpy.data.images if image.name.startswith(("lid", "lock", "Packed"))} == set()
+
+
+def test_an_image_that_no_file_has_goes_along(file, tmp_path):
+    """A texture of a high object that was painted and not saved is baked as it is."""
+    opened(file, tmp_path / "there")
+    material = bpy.data.materials.new("painted")
+    older_blender.switch_on_nodes(material)
+    tree = material.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    tree.links.new(node.outputs["Color"], next(each for each in tree.nodes if each.type == "BSDF_PRINCIPLED").inputs[0])
+    node.image = image = bpy.data.images.new("paint", 8, 8)
+    image.pixels.foreach_set(np.tile(np.float32([0.2, 0.6, 0.4, 1.0]), 64))
+    bpy.data.objects["rope_high"].data.materials.append(material)
+    bpy.context.scene.imprint.maps = {"BASE_COLOR"}
+    bpy.context.scene.imprint_sets["Memory"].own.storage = "PACK"
+    add("Memory")
+    assert image.is_dirty
+    wait()
+    texels = np.empty(4 * SIDE * SIDE, np.float32)
+    bpy.data.images["rope_low_base_color"].pixels.foreach_get(texels)
+    assert np.unique(np.rint(texels * 255.0).reshape(-1, 4), axis=0).tolist()[-1] == [51, 153, 102, 255]
+    assert bpy.ops.imprint.bake_sets(name="Memory") == {"FINISHED"}
+    here = np.empty_like(texels)
+    bpy.data.images["rope_low_base_color"].pixels.foreach_get(here)
+    assert np.array_equal(texels, here)
+
+
+def test_a_file_that_was_never_saved_and_one_that_is_saved_meanwhile(file, tmp_path):
+    use(output="//maps/{low}.png")
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    bpy.ops.imprint.bake_sets(name="Memory")  # a map in memory, which saving packs
+    add()
+    (tmp_path / "elsewhere").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "elsewhere" / "props.blend"), relative_remap=True)
+    wait()
+    assert set(states().values()) == {(Stage.DONE, "")}
+    assert bpy.path.abspath(bpy.data.images["crate_low_ao"].filepath) == str(tmp_path / "maps" / "crate_low_ao.png")
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert queue.items == []
+    cube("a_low", 0.0, 2.0), cube("a_high", 0.0, 1.9)
+    new_set(bpy.data.objects["a_low"], name="In")
+    new_set(bpy.data.objects["a_low"], name="Out")
+    use(size=SIDE, storage="MEMORY")
+    out = bpy.context.scene.imprint_sets["Out"].own
+    out.storage, out.output = "FILE", "//a.png"
+    add()
+    wait()
+    assert states() == {
+        "In": (Stage.DONE, ""),
+        "Out": (Stage.FAILED, "'//a.png' is relative to a .blend file that was never saved: save it first."),
+    }
+
+
+def test_sets_can_be_canceled_paused_and_added_again_and_fail(file, tmp_path):
+    folder = opened(file, tmp_path / "there")
+    scene = bpy.context.scene
+    new_set(name="Empty")
+    slow = new_set(bpy.data.objects["rope_low"], name="Slow").own
+    slow.method, slow.samples, slow.width, slow.height, slow.rays = "CAST", "16", 1024, 1024, 256
+    slow.image = "slow_{low}"
+    assert bpy.ops.imprint.queue_add(name="Slow") == {"FINISHED"}
+    assert bpy.ops.imprint.queue_add(all=True) == {"FINISHED"}  # "Slow" is in it, once
+    assert [item.name for item in queue.items] == ["Files", "Packed", "Memory", "Empty", "Slow"]
+    queue.cancel(scene, "Packed")
+    bpy.ops.imprint.queue_pause()
+    wait(lambda: queue.tick() is not None and time.sleep(0.1) is None)
+    assert bake_queue.state_of(scene, "Files").text == "Paused"
+    bpy.ops.imprint.queue_pause()
+    wait(lambda: bake_queue.state_of(scene, "Slow").done > 0.01)
+    bpy.ops.imprint.queue_pause()
+    time.sleep(1.0)
+    wait(lambda: True)
+    done = bake_queue.state_of(scene, "Slow").done
+    until = time.monotonic() + 2.0
+    wait(lambda: time.monotonic() > until)
+    assert bake_queue.state_of(scene, "Slow").done == done
+    bpy.ops.imprint.queue_pause()
+    bpy.ops.imprint.queue_cancel(name="Slow")
+    wait()
+    assert states() == {
+        "Files": (Stage.DONE, ""),
+        "Packed": (Stage.CANCELED, ""),
+        "Memory": (Stage.DONE, ""),
+        "Empty": (Stage.FAILED, "The set 'Empty' has no part: add low objects."),
+        "Slow": (Stage.CANCELED, ""),
+    }
+    assert not list(folder.rglob(".imprint*"))
+    bpy.ops.imprint.queue_cancel()
+    assert queue.items == []
+
+
+def processes():
+    """The numbers of the processes that the queue has started."""
+    found = [queue._process, *(each for each, _ in queue._leaving)]
+    return [each._process.pid for each in found if each is not None]
+
+
+def is_running(number):
+    try:
+        return Path(f"/proc/{number}/stat").read_text().split(")")[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes of Linux")
+def test_a_process_that_is_killed_costs_one_set(file, tmp_path):
+    folder = opened(file, tmp_path / "there")
+    add()
+    wait(lambda: any(item.state is Stage.BAKING for item in queue.items))
+    (number,) = processes()
+    os.kill(number, signal.SIGKILL)
+    wait()
+    why = "Blender crashed with signal 9, Killed"
+    assert states()["Files"][0] is Stage.FAILED and states()["Files"][1].startswith(why)
+    assert [states()[name] for name in ("Packed", "Memory")] == [(Stage.DONE, "")] * 2
+    add("Files")
+    wait(lambda: bool(processes()))
+    (number,) = processes()
+    os.kill(number, signal.SIGKILL)
+    wait()
+    assert states()["Files"][1].startswith("The process to bake in does not start: signal 9")
+    add("Files")
+    wait(lambda: bool(processes()))
+    numbers = processes()
+    bpy.ops.wm.read_homefile(use_empty=True)  # another file is opened
+    assert not any(map(is_running, numbers))
+    assert queue.items == [] and not queue.timer.is_running
+    assert not list(folder.rglob(".imprint*"))
+
+
+def test_undo_does_not_take_results(file, tmp_path):
+    opened(file, tmp_path / "there")
+    bpy.ops.ed.undo_push(message="before")
+    add()
+    wait()
+    low = bpy.data.objects["rope_low"]
+    baked, before = low.imprint.baked, kept(tmp_path / "there")
+    low.location.x += 1.0
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["rope_low"].location.x == 12.0
+    again = kept(tmp_path / "there")
+    assert again[1] == before[1]
+    assert again[0] == before[0]
+    assert changed() == dict.fromkeys(("crate_low", "lid_low", "lock_low", "rope_low"), [])
+    bpy.ops.ed.redo()
+    assert kept(tmp_path / "there")[1] == before[1]
+    assert bpy.data.objects["rope_low"].imprint.baked >= baked
