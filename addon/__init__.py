@@ -12,6 +12,9 @@ def register() -> None:
 
     import bpy
 
+    from .cli import set_options
+
+    set_options.read = scene_sets
     with ExitStack() as undo:
         for module in modules():
             with ExitStack() as undo_failed:
@@ -48,6 +51,14 @@ def unregister() -> None:
         bpy.app.handlers.load_pre.remove(before_loading)
     atexit.unregister(free)
     free()
+
+
+def scene_sets() -> list:
+    """The sets of the open file, as core.scene_sets.SceneSet, also where the add-on is not enabled: for the command line."""
+    from .ui import set_description
+
+    with set_description.registered():
+        return set_description.described()
 
 
 def free() -> None:

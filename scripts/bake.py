@@ -14,11 +14,13 @@ from addon.cli import (  # noqa: E402
     blender_process,  # noqa: E402
     command,
     interruption,
+    set_options,
     standard_streams,
 )
 from addon.core.progress import startup  # noqa: E402
 
 startup.add_launcher()
+set_options.read = addon.scene_sets
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
 standard_streams.reserve()
 interruption.listen()  # before bpy is loaded, which takes a second and crashes on exceptions

@@ -56,6 +56,12 @@ def takes_all(options: argparse.Namespace) -> bool:
     return bool(options.file) and not is_open and not any(".blend" in PurePath(name).suffix for name in options.file)
 
 
+def asks_for_sets(options: argparse.Namespace) -> bool:
+    """Whether --list lists the sets of .blend files, as nothing in them is named."""
+    is_open = any(vars(options)[name.replace("-", "_")] for name in (*SUBJECTS, "output", "convert"))
+    return bool(options.file) and not is_open and all(".blend" in PurePath(name).suffix for name in options.file)
+
+
 def stored_normals(options: argparse.Namespace) -> StoredNormals:
     """What the map to convert means."""
     return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
@@ -77,6 +83,7 @@ def parser(program: str, command: Command = BAKE) -> argparse.ArgumentParser:
     """The parser of the options of a bake. It raises WrongUsage. command: whose own options may be meant by unknown ones."""
     result = BAKE.parser(program, known=(*BAKE.options, *command.options))
     result.set_defaults(levels=None, asset=None)  # the commands lod and asset have them
+    result.set_defaults(notes=(), of_window=None)  # sets of scenes have them
     return result
 
 
@@ -102,6 +109,9 @@ def completed(options: argparse.Namespace, command: Command = BAKE) -> argparse.
         options.pairs, options.file = options.file[0], []
     elif options.pairs not in (None, True) and not options.file and os.path.isfile(options.pairs):
         options.file, options.pairs = [options.pairs], True  # `--pairs FILE.blend`
+    options.low = (
+        list(dict.fromkeys([*options.low, *(part.low for part in options.part)])) if options.part else options.low
+    )
     if command is BAKE and options.export and not options.output:
         options.output = str(Path(options.export).with_suffix(".png"))
     return options
@@ -140,6 +150,9 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
 
     unread: names of options that are given but cannot be read, which are not missing.
     """
+    if options.set:
+        yield from _wrong_set(options)
+        return
     yield from _wrong_subjects(options, unread)
     if not options.output and "output" not in unread:
         yield "--export or --output is required" if options.asset else "--output is required"
@@ -177,7 +190,9 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--pairs finds the high objects and the cages by itself"
     elif by_file and (options.file or options.low or options.high or options.cage):
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
-    if len(options.low) > 1:
+    if options.part:
+        yield from _wrong_parts(options)
+    elif len(options.low) > 1:
         yield from _wrong_lows(options)
     if options.scene and (by_file or is_folder(options)):
         yield "--scene is for a .blend: leave it out"
@@ -192,6 +207,30 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--pack-uvs is for low objects that share one map: leave it out, or {low} in --output"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
+
+
+_BESIDE_SETS = (*("low", "high", "cage", "low_file", "high_file", "cage_file", "pairs", "part", "convert", "frames"),)
+"""Options that --set leaves no room for."""
+
+
+def _wrong_set(options: argparse.Namespace) -> Iterator[str]:
+    """What contradicts --set. What else is wrong is found when the sets are read."""
+    others = [name for name in _BESIDE_SETS if vars(options)[name]]
+    if others:
+        yield f"--set says what to bake: leave out {', '.join('--' + name.replace('_', '-') for name in others)}"
+    wrong = [name for name in options.file if not (".blend" in PurePath(name).suffix or os.path.isdir(name))]
+    if wrong:
+        yield f"--set is for .blend files, and {wrong[0]!r} is none"
+
+
+def _wrong_parts(options: argparse.Namespace) -> Iterator[str]:
+    """What contradicts --part."""
+    others = [name for name in ("high", "cage", "pairs", "low_file", "convert", "frames") if vars(options)[name]]
+    if others:
+        yield f"--part names the high objects: leave out {', '.join('--' + name.replace('_', '-') for name in others)}"
+    lows = [part.low for part in options.part]
+    if twice := sorted({low for low in lows if lows.count(low) > 1}):
+        yield f"--part names {', '.join(map(repr, twice))} twice"
 
 
 def _wrong_lows(options: argparse.Namespace) -> Iterator[str]:

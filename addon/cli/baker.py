@@ -81,6 +81,8 @@ class _Opened:
     """Why other files that it reads are not known, in clauses."""
     smooth_files: dict[str, int]
     """As Report has it."""
+    only: frozenset[int] | None = None
+    """The session_uids of the low objects that are baked; None for all."""
 
     @property
     def name(self) -> str:
@@ -169,6 +171,7 @@ class Baker:
         # In a chain, a bake may read the maps of those before it.
         read = files_read_by([*jobs, *scene_jobs.of_rivals(plan)], has_maps=not plan.chain)
         self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
+        problems = [*problems, *options.notes]
         notes = input_checks.check_textures(options, settings.map, jobs)
         needed = limits.needs(options.strict)
         wants = Wants(
@@ -186,7 +189,8 @@ class Baker:
             named = reading.all_of(plans.input_paths(options, bpy.data.filepath))
             found = reading.all_of(scene_files.read_by(options, jobs))
         not_followed = scene_files.not_followed(options, jobs)
-        return _Opened(plan, jobs, wants, problems, notes, named, found, not_followed, smooth_files)
+        only = scene_jobs.only(options, jobs)
+        return _Opened(plan, jobs, wants, problems, notes, named, found, not_followed, smooth_files, only)
 
     def _run(self, opened: _Opened, start: float, *, is_hashed: bool) -> Entry:
         """Bake, and save what the options name. start: when the bake began, by time.perf_counter.
@@ -421,7 +425,7 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
         return [low, *naming.level_names(low, Wanted.of_texts(*options.asset).levels)]
     if options.levels:
         return naming.level_names(jobs[0].low.name, len(levels.limits(*options.levels)))
-    return [naming.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+    return [_shared_name(options)] if _share_image(options) else [job.low.name for job in jobs]
 
 
 def _explained(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
@@ -473,7 +477,8 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     if options.frames:
         work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, wants=wants)
     else:
-        work = bake_jobs.work(bpy.context, jobs, settings, speed, wants=wants, share_image=share_image)
+        shared = {"share_image": share_image, "shared_name": _shared_name(options), "only": opened.only}
+        work = bake_jobs.work(bpy.context, jobs, settings, speed, wants=wants, **shared)
     try:
         return _Baked(progress.finish(work, on_step))
     except interruption.Stopped:
@@ -493,6 +498,11 @@ def _for_linked(settings: Settings, options: argparse.Namespace, jobs: Sequence[
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all low objects share one map, whose path has no low object's name."""
     return arguments.are_several(options) and not naming.has_low(options.output)
+
+
+def _shared_name(options: argparse.Namespace) -> str:
+    """What a map of all low objects is called after: the set."""
+    return options.name if options.part and options.name else naming.ATLAS
 
 
 def start_gpu() -> None:

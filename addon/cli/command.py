@@ -23,6 +23,7 @@ from . import (
     job_file,
     plans,
     run_report,
+    set_options,
     standard_streams,
     terminal,
     untrusted,
@@ -102,6 +103,13 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
 
             return baker.look_at(options)
         options, sets = _read(command, words, program, meter)
+        if options.list and arguments.asks_for_sets(sets[0]):
+            return set_options.print_sets(sets[0], as_json=options.json)
+        if any(each.set for each in sets):
+            if options.untrusted:
+                raise WrongUsage("--set reads the scene before it is baked: with --untrusted, name objects")
+            own = {} if options.jobs else arguments.given(words)
+            sets = set_options.expanded(sets, own, is_of_run=options.has_sets)
         return _bake(replace(options, call=call), sets, meter, may_start_processes=may_start_processes)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
@@ -171,7 +179,8 @@ def _read(
             raise
         finally:
             meter.clear()
-    return arguments.check(options, program), [options]
+    is_of_sets = options.list and arguments.asks_for_sets(options)
+    return RunOptions.of(options, program) if is_of_sets else arguments.check(options, program), [options]
 
 
 def _has_no_folder() -> str:

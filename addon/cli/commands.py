@@ -140,7 +140,20 @@ LOD = Command(
     "Other options are those of a bake, as --size, --basis, --save-blend, --report and --untrusted: see `bake --help`. "
     "--output has {low}, which stands for the level's name.",
     refused=(
-        *("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "workers"),
+        *(
+            "jobs",
+            "set",
+            "part",
+            "high",
+            "cage",
+            "pairs",
+            "high_file",
+            "cage_file",
+            "frames",
+            "high_up",
+            "convert",
+            "workers",
+        ),
         "one_material",
         *OF_RAYS,
     ),
@@ -183,14 +196,27 @@ ASSET = Command(
     "Without --high, all visible meshes of the files are high. A low mesh that is there, and its UV map, are kept. "
     "Without --output, maps go beside the file of --export. Other options are those of a bake, as --maps, --basis, "
     "--save-blend, --report and --strict: see `bake --help`.",
-    refused=("jobs", "cage", "pairs", "low_file", "high_file", "cage_file", "frames", "high_up", "convert", "workers"),
+    refused=(
+        "jobs",
+        "set",
+        "part",
+        "cage",
+        "pairs",
+        "low_file",
+        "high_file",
+        "cage_file",
+        "frames",
+        "high_up",
+        "convert",
+        "workers",
+    ),
     refusal="{} is not for asset, which makes the low mesh of its FILEs",
 )
 CHECK = Command(
     "check",
     "",
     {},
-    refused=("jobs", "convert"),
+    refused=("jobs", "convert", "set"),
     refusal="check looks at the high meshes of one bake: give a FILE with --low and --high, or mesh files",
 )
 """A look at the high meshes of a bake. It has the --help of a bake."""
@@ -235,7 +261,7 @@ FARM = Command(
     },
     positional="jobs",
     # The tasks of a farm have these already.
-    refused=("jobs", "shard", "resume", "force", "report", "log", "list", "check"),
+    refused=("jobs", "shard", "resume", "changed", "force", "report", "log", "list", "check"),
     refusal="--options: leave out {}, which the tasks of a farm have already",
 )
 REPORT = Command(

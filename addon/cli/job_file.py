@@ -81,6 +81,8 @@ def _words(key: str, value) -> list[str]:
     if isinstance(value, bool) and option.may_be_flag:
         return []
     parts = value if isinstance(value, list) else [value]
+    if option.takes_tables:
+        parts = [json.dumps(part) if isinstance(part, dict) else part for part in parts]
     types = str if option.is_text else (str, int, float)
     fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
     is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
@@ -110,6 +112,18 @@ class WrongJobs(WrongUsage):
         mistakes, by their numbers."""
         super().__init__(text)
         self.told, self.right = list(told) or text.splitlines(), right
+
+
+def of_keys(values: Mapping[str, Any], over: Mapping[str, Any]) -> argparse.Namespace:
+    """The options of a set that is no file's, with whole paths. over: options that override it, by the names of their values.
+
+    Raises WrongUsage with all mistakes.
+    """
+    options, wrong = _Reader(Path()).read(dict(values))
+    vars(options).update(over)
+    if wrong:
+        raise WrongUsage("; ".join(wrong.values()))
+    return arguments.completed(options)
 
 
 def read(
@@ -244,7 +258,7 @@ class _Reader:
 
     def read(self, values: dict) -> tuple[argparse.Namespace, dict[str, str]]:
         """The options of a set, and what is wrong with its keys that cannot be read."""
-        given, wrong = self._usual.copy(), {}
+        given, wrong, own = self._usual.copy(), {}, set()
         spelled = {written.replace("_", "-"): written for written in values}  # a set may spell a default otherwise
         for written in spelled.values():
             value = values[written]
@@ -253,10 +267,13 @@ class _Reader:
                 words = self._words(key, value)
                 if value is True or words:  # False and empty lists change nothing
                     given[_name(key)] = _parsed(key, words)
+                    own.add(_name(key))
             except (WrongUsage, argparse.ArgumentTypeError) as error:
                 wrong[written.replace("_", "-")] = _plain(str(error))
         options = argparse.Namespace()
         options.__dict__ = given | self._over
+        if options.set:
+            options.own = {name: value for name, value in vars(options).items() if name in self._over or name in own}
         return arguments.completed(options), wrong
 
     def _words(self, key: str, value: Any) -> list[str]:

@@ -80,7 +80,8 @@ class InputProblems:
             if not pairs:
                 yield " ".join(problems) or f"No object has a name that ends in {options.suffixes.low!r}."
         else:
-            for name in dict.fromkeys(filter(None, (*options.low, *options.high, options.cage))):
+            of_parts = (name for part in options.part for name in (*part.highs, part.cage))
+            for name in dict.fromkeys(filter(None, (*options.low, *options.high, options.cage, *of_parts))):
                 if name not in names:
                     yield naming.no_such_object(name, sorted(names))
 

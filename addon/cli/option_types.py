@@ -7,12 +7,14 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..core import udim
 from ..core.declarations import kinds
+from ..core.declarations.kinds import word_for
 from ..core.errors import BakeError
 from ..core.naming import Suffixes, did_you_mean
+from ..core.scene_sets import Part
 from .limits import Limit, parse
 
 LAST_FRAME = 1_048_574
@@ -168,11 +170,6 @@ def number_or(word: str) -> Callable[[str], int | None]:
     return lambda value: None if value.lower() == word else _read(int, value, problem)
 
 
-def word_for(value: Any) -> str:
-    """What the command line calls one of the values of a choice."""
-    return str(value).lower().replace("_", "-")
-
-
 def number(value: str) -> float:
     return _read(float, value, "is not a number")
 
@@ -249,6 +246,11 @@ def json_alone(value: str) -> str:
     if value != "json":
         raise argparse.ArgumentTypeError(f"{value!r} is not json")
     return value
+
+
+def part(value: str) -> Part:
+    """A low object of several with its high ones."""
+    return _read(Part.of_text, text(value))
 
 
 def limits(value: str) -> tuple[Limit, ...]:

@@ -2,6 +2,7 @@
 """The options of the command line: those of a bake, which are the keys of job files, and those of a whole run."""
 
 import argparse
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -44,7 +45,12 @@ class CommandOption:
     @property
     def is_text(self) -> bool:
         """Whether it takes text that is not read further."""
-        return self.parsing.get("type") in (option_types.text, option_types.path)
+        return self.parsing.get("type") in (option_types.text, option_types.path, option_types.part)
+
+    @property
+    def takes_tables(self) -> bool:
+        """Whether job files may have tables for it."""
+        return self.parsing.get("type") is option_types.part
 
     @property
     def is_flag(self) -> bool:
@@ -195,6 +201,16 @@ OBJECTS = {
         "in that folder. {low} in --output makes a map for each pair; without it, they share one",
         {"type": option_types.path, "nargs": "?", "const": True, "metavar": "DIR"},
     ),
+    "part": CommandOption(
+        "A low object of several with its high ones, as crate_low=crate_high,bolts. The option may be repeated. In job files "
+        "also a table with low, high, cage, size, distance and on",
+        {"type": option_types.part, "action": "append", "default": [], "metavar": "LOW=HIGH,..."},
+    ),
+    "set": CommandOption(
+        "Bake this set of each .blend with its own settings, which other options override. The option may be repeated, * "
+        "stands for all sets that are on, and FILE may be a folder",
+        {"type": option_types.text, "action": "append", "default": [], "metavar": "NAME"},
+    ),
     "suffixes": CommandOption(
         "Endings of names for --pairs",
         {"type": option_types.suffixes, "default": Suffixes(), "metavar": "LOW,HIGH,CAGE"},
@@ -259,7 +275,7 @@ JOBS = CommandOption(
 )
 FORMER_WORDS = {"readers": "targets", "allow-missing-pages": "allow-missing-files"}
 """Options and keys by their earlier names, which still work."""
-SUBJECTS = ("low", "high", "cage", "low-file", "high-file", "cage-file", "pairs")
+SUBJECTS = ("low", "high", "cage", "low-file", "high-file", "cage-file", "pairs", "part", "set")
 """The options that name what to bake."""
 
 
@@ -286,6 +302,11 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     ),
     "resume": CommandOption(
         "Leave out bakes that are done and still true, by a record beside each map. Several machines can do one job at once",
+        {"action": "store_true"},
+    ),
+    "changed": CommandOption(
+        "As --resume, and bake of several low objects only those whose maps a bake would change. What a part reads is compared "
+        "with its record or the .blend",
         {"action": "store_true"},
     ),
     "force": CommandOption("Do all bakes, and write the records for --resume", {"action": "store_true"}),
@@ -351,7 +372,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     ),
 }
 """The options without their dashes."""
-_OF_RECORDS = ("resume", "force")
+_OF_RECORDS = ("resume", "changed", "force")
 """Those with which each bake has a record."""
 _OF_WORKERS = ("timeout", "max_memory", "log", "untrusted")
 """Those for which a single bake has a process of its own, too."""
@@ -369,6 +390,8 @@ class RunOptions:
     """The job file."""
     folder: str | None = None
     """The folder of mesh files whose pairs are baked."""
+    has_sets: bool = False
+    """Whether several sets of scenes are baked."""
     report: str | None = None
     """The file of the report of all bakes, or STDOUT."""
     list: bool = False
@@ -379,6 +402,7 @@ class RunOptions:
     only: tuple[str, ...] = ()
     """The patterns of names of bakes."""
     resume: bool = False
+    changed: bool = False
     force: bool = False
     records: str | None = None
     workers: int = 1
@@ -401,19 +425,20 @@ class RunOptions:
         """From what the parser of the command line has read."""
         words = vars(given)
         values = {each.name: words[each.name] for each in fields(cls) if each.name in words}
-        folder = words.get("pairs")
+        folder, names = words.get("pairs"), words.get("set", ())
         own = {"program": program, "only": tuple(given.only), "folder": folder if isinstance(folder, str) else None}
+        own["has_sets"] = len(names) > 1 or "*" in names or (bool(names) and any(map(os.path.isdir, given.file)))
         return cls(**(values | own))
 
     @property
     def may_have_many(self) -> bool:
         """Whether the run may have several bakes."""
-        return bool(self.jobs or self.folder)
+        return bool(self.jobs or self.folder or self.has_sets)
 
     @property
     def has_records(self) -> bool:
         """Whether each bake has a record."""
-        return self.resume or self.force
+        return self.resume or self.changed or self.force
 
     @property
     def has_pictures(self) -> bool:
@@ -451,8 +476,8 @@ class RunOptions:
         if not self.may_have_many:
             wrong = (name for name in ("shard", "only") if getattr(self, name))
             yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
-        if self.resume and self.force:
-            yield "--force does all bakes: leave out --resume"
+        if self.force and (self.resume or self.changed):
+            yield f"--force does all bakes: leave out {'--resume' if self.resume else '--changed'}"
         if self.records and not self.has_records:
             yield "--records is for --resume and --force"
         if self.untrusted and self.has_records and not self.records:

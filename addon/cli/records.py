@@ -94,7 +94,13 @@ def _names(options: dict[str, Any]) -> Iterator[str]:
 _WRITTEN = ("output", "export", "save_blend")
 """The options that name files to write."""
 _PATHS = {name: option for each in OPTIONS.values() for name, option in each.items() if option.is_path}
-_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS}), "name"}
+_NOT_SETTINGS = {
+    *_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS}),
+    "name",
+    "set",
+    "notes",
+    "of_window",
+}
 """The options that say where files are, those of a run, the name of the bake, and limits, which are compared with what a bake
 has measured."""
 
@@ -182,6 +188,8 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
         files.append(["", path_from(os.path.abspath(options.pairs), folder)])
     output = path_from(os.path.abspath(options.output), folder)
     names = [arguments.only_low(options) or options.low, options.high, options.cage, options.frames, output]
+    if options.part:
+        names.append(options.scene)
     return hashlib.sha256(canonical([files, names]).encode()).hexdigest()[:16]
 
 

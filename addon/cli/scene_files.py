@@ -171,6 +171,16 @@ def _open_blend(name: str) -> None:
         raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error
 
 
+@contextmanager
+def opened_blend(name: str) -> Iterator[None]:
+    """Open a .blend in the block, and an empty scene after it. Raises BakeError."""
+    _open_blend(str(importing.existing(name)))
+    try:
+        yield
+    finally:
+        _empty()
+
+
 def _hold_caches(held: ExitStack) -> list[str]:
     """Keep simulations from writing files as frames change, until `held` is closed. Returns sentences about what changes."""
     notes = []

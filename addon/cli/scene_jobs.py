@@ -56,11 +56,31 @@ def _of_scene(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
         return [
             Job(low, [low]) for low in bpy.context.view_layer.objects if low.type == "MESH" and low.data.polygons
         ], []
+    if options.part:
+        return _of_parts(options)
     lows, highs = (list(map(object_by_name, names)) for names in (options.low, options.high))
     cage = object_by_name(options.cage) if options.cage else None
     if highs or cage or options.convert or options.levels:
         return [Job(lows[0], highs or lows, cage)], []
     return _without_highs(lows, options.suffixes)
+
+
+def _of_parts(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
+    """The jobs of parts, then those of low objects that only have a name, and sentences about names."""
+    jobs = []
+    for part in options.part:
+        low, *highs = map(object_by_name, (part.low, *part.highs))
+        cage = object_by_name(part.cage) if part.cage else None
+        jobs.append(Job(low, highs or [low], cage, size=part.size, distance=part.distance))
+    others = [object_by_name(low) for low in options.low if low not in {part.low for part in options.part}]
+    more, notes = _without_highs(others, options.suffixes)
+    return [*jobs, *more], notes
+
+
+def only(options: argparse.Namespace, jobs: Sequence[Job]) -> frozenset[int] | None:
+    """The session_uids of the low objects that are baked, where parts are switched off; None for all."""
+    off = {part.low for part in options.part if not part.is_on}
+    return frozenset(job.low_ref.uid for job in jobs if job.low.name not in off) if off else None
 
 
 def _without_highs(lows: Sequence[bpy.types.Object], suffixes: Suffixes) -> tuple[list[Job], list[str]]:

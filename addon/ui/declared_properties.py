@@ -96,7 +96,8 @@ def passed_on(former: str, name: str):
 def take_former_values(*_) -> None:
     """Called by Blender when it has opened a file, which may have values under earlier names."""
     for scene in (scene for scene in bpy.data.scenes if scene.is_editable):
-        for group, names in FORMER_PROPERTIES.items():
+        groups = {group: names for group, names in FORMER_PROPERTIES.items() if hasattr(scene, group)}
+        for group, names in groups.items():
             values = getattr(scene, group)
             for former, name in names.items():
                 if values.is_property_set(former):

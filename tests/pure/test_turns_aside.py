@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from addon.cli import interruption, work_queue
-from addon.cli.records import BLOCK, Contents
 from addon.cli.work_queue import ThreadedQueue, WorkQueue
+from addon.core.contents import BLOCK, Contents
 
 
 def plans(*chains):

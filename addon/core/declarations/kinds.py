@@ -17,6 +17,11 @@ def spelled(value: Any) -> str:
     return str(value).strip().lower().replace("_", "").replace("-", "").replace(" ", "")
 
 
+def word_for(value: Any) -> str:
+    """What the command line calls one of the values of a choice."""
+    return str(value).lower().replace("_", "-")
+
+
 def plain(value: Any) -> Any:
     """Numbers and arrays of numpy, and of libraries like it, as those of Python. Other values stay."""
     return value.tolist() if hasattr(value, "tolist") else value

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sets of a scene as plain data, and as the keys of job files, so that the window and a shell have one description."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from .declarations import kinds
+from .declarations.all_settings import DECLARED
+from .errors import BakeError
+from .naming import Suffixes, did_you_mean, fill_low
+from .settings import PART_OF, Settings
+
+_KEYS = {"low": "low", "highs": "high", "cage": "cage", "size": "size", "distance": "distance", "is_on": "on"}
+"""The keys of a part, by its fields."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A low object of several, with what is its own."""
+
+    low: str
+    """Its name."""
+    highs: tuple[str, ...] = ()
+    """The names of its high objects; itself without any."""
+    cage: str = ""
+    size: int = 0
+    """Of its square maps, in texels; 0 for that of all."""
+    distance: float = 0.0
+    """How far its rays reach outward and inward, in scene units; 0 for that of all."""
+    is_on: bool = True
+    """Whether it is baked. Others keep their texels, and shade what is baked."""
+
+    @classmethod
+    def of_text(cls, text: str) -> "Part":
+        """From "LOW=HIGH,HIGH", or a table as JSON. Raises BakeError."""
+        if text.lstrip().startswith("{"):
+            return cls._of_table(text)
+        low, is_given, highs = text.partition("=")
+        names = tuple(filter(None, (name.strip() for name in highs.split(","))))
+        if not low.strip() or not (is_given and names):
+            raise BakeError(f"{text!r} is not a low object with its high ones, as LOW=HIGH,HIGH.")
+        return cls(low.strip(), names)
+
+    @classmethod
+    def _of_table(cls, text: str) -> "Part":
+        try:
+            table = json.loads(text)
+        except ValueError as error:
+            raise BakeError(f"{text!r} is not a table: {error}.") from error
+        unknown = next((key for key in table if key not in _KEYS.values()), None)
+        if unknown is not None:
+            known = [*_KEYS.values()]
+            raise BakeError(f"part has no key {unknown!r}{did_you_mean([unknown], known)}")
+        values = {"low": ""} | {name: table[key] for name, key in _KEYS.items() if key in table}
+        highs = values.get("highs", [])
+        values["highs"] = (highs,) if isinstance(highs, str) else tuple(highs) if isinstance(highs, list) else (None,)
+        part = cls(**values)
+        if not _fits(part):
+            kinds_of_values = "low, high and cage are names, size and distance numbers, on is true or false"
+            raise BakeError(f"{text} is not a part: {kinds_of_values}.")
+        return part
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As in a job file."""
+        usual = Part(self.low)
+        values = {
+            key: getattr(self, name) for name, key in _KEYS.items() if getattr(self, name) != getattr(usual, name)
+        }
+        return {"low": self.low, **values, **({"high": list(self.highs)} if self.highs else {})}
+
+
+def _fits(part: Part) -> bool:
+    """Whether all values of a part have their types, and numbers are not negative."""
+    names = all(isinstance(name, str) for name in (part.low, part.cage, *part.highs)) and bool(part.low)
+    numbers = isinstance(part.size, int) and isinstance(part.distance, int | float) and not isinstance(part.size, bool)
+    return names and numbers and part.size >= 0 and 0 <= part.distance < float("inf") and isinstance(part.is_on, bool)
+
+
+@dataclass(frozen=True)
+class SceneSet:
+    """A set of a scene.
+
+    Attributes:
+        is_on: Whether Bake All Sets bakes it.
+        settings: As the scene has them.
+        output: The path of its files, absolute; empty if it stores its maps in the .blend.
+        share_image: As jobs.sets.SetJob has it.
+        problem: Why nothing of it can be baked, in a sentence.
+        left_out: Sentences about parts that cannot be baked.
+        states: What the last bake of each low object has read, as jobs.part_state keeps it, by names.
+    """
+
+    name: str
+    """Of the set, which no other one of its scene has."""
+    scene: str
+    """The name of its scene."""
+    parts: tuple[Part, ...]
+    settings: Settings
+    output: str = ""
+    share_image: bool = False
+    is_on: bool = True
+    problem: str = ""
+    left_out: tuple[str, ...] = ()
+    states: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def keys(self, file: str) -> dict[str, Any]:
+        """What a job file says of it. file: the path of the .blend."""
+        output, image = self.output, self.settings.storing.image
+        if self.share_image and not self.settings.map.texture_sets:
+            suffix = self.settings.storing.low_suffix
+            output, image = (fill_low(text, self.name, suffix) for text in (output, image))
+        keys = keys_of(self.settings.stored(output=output, image=image))
+        head = {"file": [file], "scene": self.scene, "name": self.name, "part": [part.table for part in self.parts]}
+        return head | keys
+
+
+def keys_of(settings: Settings) -> dict[str, Any]:
+    """The keys of a job file for settings: those that are not as usual there."""
+    flat = settings.flat()
+    keys: dict[str, Any] = {"size": f"{flat['width']}x{flat['height']}"}
+    for name, setting in DECLARED.items():
+        if setting.option is None or name not in PART_OF or name in {"width", "height"}:
+            continue
+        if flat[name] != setting.default or name == "depth":
+            keys[setting.option.word or name.replace("_", "-")] = _value(setting, flat[name])
+    usual = Suffixes()
+    if flat["low_suffix"] != usual.low:
+        keys["suffixes"] = [flat["low_suffix"], usual.high, usual.cage]
+    return keys
+
+
+def _value(setting: kinds.Setting, value: Any) -> Any:
+    """A value as a job file has it."""
+    match setting:
+        case kinds.Switch():
+            return True
+        case kinds.Flags():
+            return list(map(kinds.word_for, value))
+        case kinds.Choice():
+            return value if isinstance(setting.default, int) else kinds.word_for(value)
+        case kinds.WholeNumber() if value is None:
+            return setting.none_word
+    return list(value) if isinstance(value, tuple) else value
