@@ -456,7 +456,8 @@ def _draw_several(
         draw_fixable(box, context, reason, "ERROR", low.name)
         if object_checks.lacks_uvs(low):
             draw_button(box, fixes.UNWRAP, low.name)
-    draw_list(box, context, findings.of_several(context, [low for low in lows if low not in reasons]))
+    fine = [low for low in lows if low not in reasons]
+    draw_list(box, context, findings.of_several(context, str([low.session_uid for low in fine]), lambda: fine))
     if reasons and _is_unsaved(first):
         box.operator("wm.save_mainfile", icon="FILE_TICK")
     box.prop(settings, "share_image")

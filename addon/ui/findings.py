@@ -23,7 +23,7 @@ from ..jobs.pair_checks import Finding
 from ..scene import object_checks, poses, reading, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, results, several
-from .callbacks import Timer, events, redraw
+from .callbacks import Timer, events, redraw, until_change
 from .fix_buttons import Told, grouped
 from .modal import QuickOperator, WaitingOperator
 from .progress_display import display
@@ -200,9 +200,18 @@ class PanelFindings:
         worst = min(found, key=BY_RANK, default=None)
         return worst if worst is not None and worst.harm is not NOTE else None
 
-    def of_several(self, context: bpy.types.Context, lows: Iterable[bpy.types.Object]) -> list[Told]:
-        """The worst of each of several low objects: those that say the same are one, the worst first."""
-        return grouped((low.name, worst) for low in lows if (worst := self.worst(context, low)) is not None)
+    def of_several(
+        self, context: bpy.types.Context, name: str, find_lows: Callable[[], Iterable[bpy.types.Object]]
+    ) -> list[Told]:
+        """The worst of each of several low objects: those that say the same are one, the worst first. name: of the objects, for
+        each of which `find_lows` is called once until an object changes or was looked at."""
+
+        def find() -> list[Told]:
+            found = ((low.name, self.worst(context, low)) for low in find_lows())
+            return grouped((low, worst) for low, worst in found if worst is not None)
+
+        key = self.looks, context.scene.imprint.udim, bpy.app.translations.locale
+        return until_change.get(f"told of {name}", key, find)
 
     def _past(self, context: bpy.types.Context, low: bpy.types.Object) -> list[Told]:
         """What the last bake of a low object has found."""

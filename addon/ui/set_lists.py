@@ -8,7 +8,6 @@ import bpy
 
 from ..core.errors import BakeError
 from ..scene import object_checks
-from ..scene.object_checks import ObjectRef
 from . import bake_queue, object_pairs, sets, signs
 from .callbacks import until_change
 from .sets import ImprintPart, ImprintSet
@@ -48,23 +47,17 @@ def uids(context: bpy.types.Context, one: ImprintSet) -> frozenset[int]:
     return _known(context, one)[0]
 
 
-def lows(context: bpy.types.Context, one: ImprintSet) -> list[bpy.types.Object]:
-    """As sets.lows, for each redraw."""
-    return [low for ref in _known(context, one)[2] if (low := ref.find()) is not None]
-
-
 def problem(context: bpy.types.Context, one: ImprintSet) -> str:
     """Why no parts can be found, in a sentence; empty if they can."""
     return _known(context, one)[1]
 
 
-def _known(context: bpy.types.Context, one: ImprintSet) -> tuple[frozenset[int], str, list[ObjectRef]]:
-    def find() -> tuple[frozenset[int], str, list[ObjectRef]]:
+def _known(context: bpy.types.Context, one: ImprintSet) -> tuple[frozenset[int], str]:
+    def find() -> tuple[frozenset[int], str]:
         try:
-            refs = list(map(ObjectRef.of, sets.lows(context, one)))
+            return frozenset(low.session_uid for low in sets.lows(context, one)), ""
         except BakeError as error:
-            return frozenset(), str(error), []
-        return frozenset(ref.uid for ref in refs), "", refs
+            return frozenset(), str(error)
 
     collection = one.collection.session_uid if one.collection is not None else 0
     suffixes, layer = context.scene.imprint.suffixes(), context.view_layer.name

@@ -207,7 +207,7 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
         draw_fixable(box, context, set_lists.part_of(context, one, low).problem, "ERROR", low.name)
         if object_checks.lacks_uvs(low):
             draw_button(box, fixes.UNWRAP, low.name)
-    draw_list(box, context, findings.of_several(context, set_lists.lows(context, one)))
+    draw_list(box, context, findings.of_several(context, one.name, lambda: sets.lows(context, one)))
     header, body = box.panel("imprint_set_images", default_closed=True)
     titles = textures(context, one)
     images = first_images(context, rows, titles)
