@@ -7,11 +7,14 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from . import file_formats
 from .declarations import kinds
-from .declarations.all_settings import DECLARED
+from .declarations.all_settings import DECLARED, FORMER
+from .declarations.choices import Storage
 from .errors import BakeError
-from .naming import Suffixes, did_you_mean, fill_low
+from .naming import Suffixes, did_you_mean, fill_low, has_low, of_shared_textures
 from .settings import PART_OF, Settings
+from .udim import TOKEN
 
 _KEYS = {"low": "low", "highs": "high", "cage": "cage", "size": "size", "distance": "distance", "is_on": "on"}
 """The keys of a part, by its fields."""
@@ -110,7 +113,9 @@ class SceneSet:
     def keys(self, file: str) -> dict[str, Any]:
         """What a job file says of it. file: the path of the .blend."""
         output, image = self.output, self.settings.storing.image
-        if self.share_image and not self.settings.map.texture_sets:
+        if self.share_image and self.settings.map.texture_sets:
+            output, image = map(of_shared_textures, (output, image))
+        elif self.share_image:
             suffix = self.settings.storing.low_suffix
             output, image = (fill_low(text, self.name, suffix) for text in (output, image))
         keys = keys_of(self.settings.stored(output=output, image=image))
@@ -145,3 +150,99 @@ def _value(setting: kinds.Setting, value: Any) -> Any:
         case kinds.WholeNumber() if value is None:
             return setting.none_word
     return list(value) if isinstance(value, tuple) else value
+
+
+@dataclass(frozen=True)
+class JobSet:
+    """A set of a job file, as the command line would bake it.
+
+    Attributes:
+        name: Empty if it has none.
+        file, scene: What it is in, as it is written; empty for the open file and its scene.
+        pairs: Whether it bakes all pairs by name, and not `parts`.
+        by_name: The low objects among `parts` whose high ones nobody names.
+        share_image: Whether all share one image, or one for each material.
+        export: The file of the mesh, as it is written.
+        others: Keys that are none of a set.
+    """
+
+    name: str
+    file: tuple[str, ...]
+    scene: str
+    parts: tuple[Part, ...]
+    by_name: frozenset[str]
+    pairs: bool
+    settings: Settings
+    share_image: bool
+    export: str = ""
+    others: tuple[str, ...] = ()
+
+    @classmethod
+    def of_keys(cls, table: Mapping[str, Any]) -> "JobSet":
+        """From the keys of a job file. Raises BakeError for values that are none."""
+        keys = {key.replace("_", "-"): value for key, value in table.items() if value not in ([], False)}
+        parts = [Part.of_text(each if isinstance(each, str) else json.dumps(each)) for each in _listed(keys, "part")]
+        named = {part.low for part in parts}
+        lows, highs, cage = _listed(keys, "low"), _listed(keys, "high"), str(keys.pop("cage", ""))
+        if highs or cage:
+            parts += [Part(low, tuple(map(str, highs)), cage) for low in lows]
+        by_name = frozenset(low for low in lows if not (highs or cage) and low not in named)
+        parts += [Part(low) for low in by_name]
+        head = {name: str(keys.pop(name, "")) for name in ("name", "scene", "export")}
+        file, pairs = tuple(map(str, _listed(keys, "file"))), keys.pop("pairs", False) is True
+        settings, others = _settings_of(keys)
+        is_shared = (pairs or len(parts) > 1) and not has_low(settings.storing.output)
+        return cls(
+            file=file,
+            parts=tuple(parts),
+            by_name=by_name,
+            pairs=pairs,
+            settings=settings,
+            share_image=is_shared,
+            others=tuple(others),
+            **head,
+        )
+
+
+def _listed(keys: dict[str, Any], key: str) -> list[Any]:
+    """The values of a key, which is removed: one stands for a list."""
+    value = keys.pop(key, [])
+    return value if isinstance(value, list) else [value]
+
+
+def _settings_of(keys: Mapping[str, Any]) -> tuple[Settings, list[str]]:
+    """The settings that keys of a job file stand for, and the keys that are none of settings. The way back of `keys_of`."""
+    values: dict[str, Any] = {"storage": Storage.FILE}
+    others = []
+    for key, value in keys.items():
+        name = _OF_WORDS.get(key, "")
+        setting = DECLARED.get(FORMER.get(name, name))
+        if key == "size":
+            values["width"], values["height"] = _size(value)
+        elif key == "suffixes":
+            values["low_suffix"] = (value.split(",") if isinstance(value, str) else value)[0]
+        elif setting is None:
+            others.append(key)
+        else:
+            values[name] = not setting.default if isinstance(setting, kinds.Switch) else setting.coerced(value)
+    output = values.get("output", "")
+    values.setdefault("udim", bool(values.get("tiles")) or TOKEN in output)
+    if output and "depth" not in values:
+        values["depth"] = file_formats.usual_depth(output)
+    return Settings(**values), others
+
+
+def _size(value: Any) -> tuple[int, int]:
+    """The width and the height from "WIDTHxHEIGHT" or one number for both. Raises BakeError."""
+    words = str(value).lower().split("x")
+    if not all(word.strip().isdecimal() for word in words) or len(words) > 2:
+        raise BakeError(f"Size: {value!r} is not a size, as 2048 or 2048x1024.")
+    return int(words[0]), int(words[-1])
+
+
+_OF_WORDS = {
+    setting.option.word or name.replace("_", "-"): name
+    for name, setting in DECLARED.items()
+    if setting.option is not None and name in PART_OF and name not in {"width", "height"}
+}
+"""The settings by their keys."""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -162,6 +163,35 @@ def _plain(setting: kinds.Setting, value):
     if isinstance(setting, kinds.Color):
         return tuple(value)
     return udim.parse(value) if isinstance(setting, kinds.Tiles) else value
+
+
+def put_settings(target: Options, settings: Settings) -> None:
+    """The way back of `to_settings`: set what differs. The setting texture_sets stays: sets have another one for it."""
+    for name, value in settings.flat().items():
+        setting = DECLARED[name]
+        is_same = value is None or _is_same(_plain(setting, getattr(target, name)), value)
+        if setting.switch:
+            switched = DECLARED[setting.switch].empties != (value is not None)
+            if not is_same or getattr(target, setting.switch) != switched:
+                setattr(target, setting.switch, switched)
+        if not is_same and name != "texture_sets":
+            setattr(target, name, _for_property(setting, value))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two values are the same in a property, which has single precision."""
+    if isinstance(one, float) or (isinstance(one, tuple) and one and isinstance(one[0], float)):
+        return bool(np.array_equal(np.float32(one), np.float32(other)))
+    return one == other
+
+
+def _for_property(setting: kinds.Setting, value: Any) -> Any:
+    """A value of Settings as its property takes it."""
+    if isinstance(setting, kinds.Flags):
+        return set(value)
+    if isinstance(setting, kinds.Choice):
+        return str(value)
+    return ", ".join(map(str, value)) if isinstance(setting, kinds.Tiles) else value
 
 
 def _is_set(owner: Options, name: str) -> bool:

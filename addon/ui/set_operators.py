@@ -56,7 +56,7 @@ def _put(context: bpy.types.Context, one: ImprintSet) -> str:
     """Add the parts among the selected objects to a set. Returns a sentence about what is in none, or ""."""
     lows, highs = selection.parts(context)
     if highs:
-        _pair(context, lows[0], highs)
+        put_pair(context, lows[0], highs)
     for low in lows:
         put_part(one, low)
     meshes = {obj for obj in context.selected_objects if obj.type == "MESH"}
@@ -64,22 +64,28 @@ def _put(context: bpy.types.Context, one: ImprintSet) -> str:
     return f"Not added: {shorten_list(repr(obj.name) for obj in free)}, which nothing calls low." if free else ""
 
 
-def _pair(context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> None:
-    """Make these the high objects of a low one, unless its pair or its name has the same. The rays stay as they are."""
-    panel = context.scene.imprint
-    chosen = panel.alone(context, low)
-    if set(chosen.highs) == set(highs):
+def put_pair(
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None = None,
+) -> None:
+    """Make these the high objects of a low one, unless its pair or its name has the same. The rays stay as they are, and the
+    cage without another one."""
+    panel, pair = context.scene.imprint, object_pairs.of(low)
+    before = pair.cage if pair is not None and pair.is_kept else panel.cage_by_name(context, low)
+    if set(panel.alone(context, low).highs) == set(highs) and cage in {None, before}:
         return
-    _check_editable(low)
-    pair = object_pairs.of(low)
+    check_editable(low)
     if pair is None or not pair.is_kept:
-        object_pairs.remember_objects(low, highs, None, panel.to_settings().flat(), {})
+        object_pairs.remember_objects(low, highs, cage or before, panel.to_settings().flat(), {})
     else:
-        pair.is_own = False
-        pair.put(highs)
+        pair.is_own = list(highs) == [low]
+        pair.put([] if pair.is_own else highs)
+        pair.cage = cage or before
 
 
-def _check_editable(low: bpy.types.Object) -> None:
+def check_editable(low: bpy.types.Object) -> None:
     """Raise BakeError if an object can have no pair."""
     if not low.is_editable:
         raise BakeError(f"{low.name!r} is linked from another file: make it local, or a library override.")
@@ -242,7 +248,7 @@ class IMPRINT_OT_set_high_add(SetOperator, bpy.types.Operator):
 def add_highs(context: bpy.types.Context, low: bpy.types.Object, new: Sequence[bpy.types.Object]) -> None:
     """Give a part high objects beside those that it has. Raises BakeError."""
     own = [high for high in context.scene.imprint.alone(context, low).highs if high != low]
-    _pair(context, low, list(dict.fromkeys([*own, *new])))
+    put_pair(context, low, list(dict.fromkeys([*own, *new])))
 
 
 class IMPRINT_OT_set_high_remove(SetOperator, bpy.types.Operator):
@@ -256,10 +262,10 @@ class IMPRINT_OT_set_high_remove(SetOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context) -> str:
         low = _low(context, self.low)
-        _check_editable(low)
+        check_editable(low)
         chosen = context.scene.imprint.alone(context, low)
         if chosen.pair is None and low not in chosen.highs:  # they were found by name
-            _pair(context, low, [high for high in chosen.highs if high.name != self.high])
+            put_pair(context, low, [high for high in chosen.highs if high.name != self.high])
         else:
             low.imprint.remove(self.high)
         return ""

@@ -96,7 +96,9 @@ def test_parts_are_the_same_when_they_are_read():
 
 
 @pytest.mark.parametrize(
-    ("by_material", "output"), [(False, "/maps/T_Props_N.png"), (True, "/maps/T_{name}_N.png")], ids=["one", "material"]
+    ("by_material", "output"),
+    [(False, "/maps/T_Props_N.png"), (True, "/maps/T_{material}_N.png")],
+    ids=["one", "material"],
 )
 def test_one_image_for_all_is_called_as_the_set(by_material, output):
     settings = USUAL.mapped(texture_sets=by_material)
