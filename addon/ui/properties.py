@@ -161,19 +161,23 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
         lows = several.candidates(context, self) if is_each else several.lows(context, self)
         return [self.alone(context, low) for low in lows] or [self.chosen(context)]
 
-    def alone(self, context: bpy.types.Context, low: bpy.types.Object) -> "Chosen":
-        """As `chosen` for an object that is selected alone."""
-        return self._by(context, low, [])
+    def alone(self, context: bpy.types.Context, low: bpy.types.Object, named: "Named | None" = None) -> "Chosen":
+        """As `chosen` for an object that is selected alone. named: of the view layer, where many are asked for."""
+        return self._by(context, low, [], named)
 
     def _by(
-        self, context: bpy.types.Context, low: bpy.types.Object | None, selected: Sequence[bpy.types.Object]
+        self,
+        context: bpy.types.Context,
+        low: bpy.types.Object | None,
+        selected: Sequence[bpy.types.Object],
+        named: "Named | None" = None,
     ) -> "Chosen":
         """A low object with its high ones, as `chosen`. selected: those that can be meant as high ones."""
         pair = object_pairs.of(low)
         # An armature that is selected too is no high object; where nothing else is, it is named as what it is.
         highs = list(filter(object_checks.may_show, selected))
         if pair is None or not pair.is_kept:
-            highs = highs or self.called_as(context, low) or object_checks.own_highs(low) or selected
+            highs = highs or (named or Named(context)).highs(low) or object_checks.own_highs(low) or selected
             return Chosen(self, low, highs or object_checks.itself(low))
         highs = highs or pair.found()
         pair = self._pair_of(low, highs)
@@ -192,26 +196,6 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
         if others and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in others if (other := object_pairs.of(obj)) is None or not other.is_kept]
         return others
-
-    def called_as(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
-        """The high objects of `low` by name."""
-        pair = self._pair_by_name(context, low)
-        objects = object_checks.by_name(context.view_layer.objects, low) if pair is not None else {}
-        return list(filter(object_checks.may_show, map(objects.get, pair.highs))) if pair is not None else []
-
-    def cage_by_name(self, context: bpy.types.Context, low: bpy.types.Object) -> bpy.types.Object | None:
-        """The cage of `low` by name, or None."""
-        pair = self._pair_by_name(context, low)
-        return context.view_layer.objects.get(pair.cage) if pair is not None and pair.cage else None
-
-    def _pair_by_name(self, context: bpy.types.Context, low: bpy.types.Object | None) -> Pair | None:
-        if low is None or naming.role(low.name, self.suffixes()) != "low":
-            return None
-        try:
-            pairs, _ = self.pairs_by_name(context)
-        except BakeError:  # suffixes that are the same, which the box says
-            return None
-        return next((pair for pair in pairs if pair.low == low.name), None)
 
     def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
         """The pairs of the view layer's objects, and sentences about objects without a match. Raises BakeError for suffixes
@@ -232,6 +216,41 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
     def suffixes(self) -> Suffixes:
         """The endings of the names of pairs."""
         return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
+
+
+class Named:
+    """Which objects of a view layer belong together by their names."""
+
+    def __init__(self, context: bpy.types.Context):
+        self._context = context
+        self._objects: dict[str, dict[str, bpy.types.Object]] = {}
+        """By name, for the library of a low object."""
+
+    @cached_property
+    def _pairs(self) -> dict[str, Pair]:
+        try:
+            pairs, _ = self._context.scene.imprint.pairs_by_name(self._context)
+        except BakeError:  # suffixes that are the same, which the box says
+            return {}
+        return {pair.low: pair for pair in pairs}
+
+    def highs(self, low: bpy.types.Object | None) -> list[bpy.types.Object]:
+        """The high objects of `low`; empty if none are called as it is."""
+        return list(filter(object_checks.may_show, self._found(low, "highs")))
+
+    def cage(self, low: bpy.types.Object) -> bpy.types.Object | None:
+        """The cage of `low`."""
+        return next(iter(self._found(low, "cage")), None)
+
+    def _found(self, low: bpy.types.Object | None, role: str) -> list[bpy.types.Object]:
+        suffixes = self._context.scene.imprint.suffixes()
+        if low is None or naming.role(low.name, suffixes) != "low" or low.name not in self._pairs:
+            return []
+        names = getattr(self._pairs[low.name], role)
+        library = low.library.filepath if low.library else ""
+        if library not in self._objects:
+            self._objects[library] = object_checks.by_name(self._context.view_layer.objects, low)
+        return [self._objects[library][name] for name in ([names] if isinstance(names, str) else names) if name]
 
 
 @dataclass(frozen=True)

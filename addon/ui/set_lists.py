@@ -10,6 +10,7 @@ from ..core.errors import BakeError
 from ..scene import object_checks
 from . import bake_queue, object_pairs, sets, signs
 from .callbacks import until_change
+from .properties import Named
 from .sets import ImprintPart, ImprintSet
 from .texts import message
 
@@ -151,7 +152,7 @@ def part_of(context: bpy.types.Context, one: ImprintSet, low: bpy.types.Object) 
         chosen, missing = panel.alone(context, low), []
         highs, cage = chosen.highs, chosen.pair.cage if chosen.pair is not None else None
         if one.source == "NAMES":
-            highs = panel.called_as(context, low)
+            highs = Named(context).highs(low)
         else:
             missing = chosen.missing
         problem = object_pairs.problem(missing) or object_checks.problem(context, low, highs, cage, method)

@@ -16,6 +16,7 @@ from ..scene.object_checks import object_by_name
 from . import object_pairs, results, selection, sets, signs
 from .bake_operators import BakeOperator, Several
 from .modal import QuickOperator
+from .properties import Named
 from .results import Batch
 from .sets import ImprintSet
 from .texts import labeled, message
@@ -73,7 +74,7 @@ def put_pair(
     """Make these the high objects of a low one, unless its pair or its name has the same. The rays stay as they are, and the
     cage without another one."""
     panel, pair = context.scene.imprint, object_pairs.of(low)
-    before = pair.cage if pair is not None and pair.is_kept else panel.cage_by_name(context, low)
+    before = pair.cage if pair is not None and pair.is_kept else Named(context).cage(low)
     if set(panel.alone(context, low).highs) == set(highs) and cage in {None, before}:
         return
     check_editable(low)

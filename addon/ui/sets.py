@@ -33,7 +33,7 @@ from . import object_pairs
 from .callbacks import events, registering
 from .declared_properties import REACHES, MapList, Options, length_name, map_switch
 from .object_pairs import Slot, is_mesh, with_own
-from .properties import ImprintSettings, WithEngine
+from .properties import ImprintSettings, Named, WithEngine
 from .texts import labeled
 
 NEW = "Set"
@@ -342,10 +342,10 @@ def jobs(context: bpy.types.Context, one: ImprintSet) -> Iterator[tuple[bpy.type
         for low, pair in _by_name(context):
             yield low, with_own(Job(low, [objects[name] for name in pair.highs], objects.get(pair.cage))), ""
         return
-    panel, has_cages = context.scene.imprint, one.own.whole.method != Method.FLATTEN
+    named, has_cages = Named(context), one.own.whole.method != Method.FLATTEN
     for low in lows(context, one):
-        chosen = panel.alone(context, low)
-        cage = chosen.pair.cage if chosen.pair is not None else panel.cage_by_name(context, low)
+        chosen = context.scene.imprint.alone(context, low, named)
+        cage = chosen.pair.cage if chosen.pair is not None else named.cage(low)
         yield low, with_own(Job(low, chosen.highs, cage if has_cages else None)), object_pairs.problem(chosen.missing)
 
 
