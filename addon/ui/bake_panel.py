@@ -11,7 +11,7 @@ from ..core.declarations.choices import Method, Space
 from ..core.declarations.map_settings import MAX_SIZE
 from ..core.errors import BakeError, named, shorten_list
 from ..core.naming import ATLAS
-from ..core.sentences import NOTE, WRONG
+from ..core.sentences import LOOK, NOTE, WRONG
 from ..core.settings import Settings
 from ..jobs import fixes
 from ..jobs.job import check_materials, covers_detail
@@ -429,6 +429,7 @@ def _draw_plan(
         draw_paragraphs(box, context, [describe_bake(chosen)], "BLANK1")
         box.label(text=count_images(chosen.low, chosen.settings), translate=False)
         draw_asset(box, chosen)
+        _draw_left_out(box, context, chosen)
         _draw_switch(box, context, chosen)
         draw_list(box, context, told)
         draw_hidden(box, context, chosen.hidden(context))
@@ -460,9 +461,20 @@ def _draw_several(
     draw_list(box, context, findings.of_several(context, str([low.session_uid for low in fine]), lambda: fine))
     if reasons and _is_unsaved(first):
         box.operator("wm.save_mainfile", icon="FILE_TICK")
+    if all(several.is_low(low, settings) for low in lows):
+        box.operator("imprint.set_add", text=label("Make a Set of All"), translate=False, icon="ADD")
     box.prop(settings, "share_image")
     if settings.share_image:
         box.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = True
+
+
+def _draw_left_out(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
+    """Which selected objects are left out since they are low ones, too, and a button that makes a set of all."""
+    lows = several.others(context, chosen.panel, chosen.low) if chosen.panel.low is None else []
+    if lows:
+        text = message("Left out, since a name or a pair calls them low: {}").format(named(low.name for low in lows))
+        draw_paragraphs(box, context, [text], ICONS[LOOK])
+        box.operator("imprint.set_add", text=label("Make a Set of All"), translate=False, icon="ADD")
 
 
 def _draw_switch(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:

@@ -189,13 +189,22 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
         """The selected objects that can be meant as high ones, also those without a surface.
 
         While the high objects of `pair` are hidden, the low objects of other pairs are not: "select all" selects these alone.
+        Nor are other low objects, with their high ones.
         """
         cages = {self.cage, pair and pair.cage}
         selected = (obj for obj in context.view_layer.objects.selected if obj.type not in NEVER_HIGH)
         others = [obj for obj in selected if obj != low and obj not in cages]
         if others and pair is not None and not any(map(evaluation.is_visible, pair.found())):
             return [obj for obj in others if (other := object_pairs.of(obj)) is None or not other.is_kept]
-        return others
+        other_lows = several.others(context, self, low)
+        left_out = self._with_highs(context, other_lows) if other_lows else ()
+        return [obj for obj in others if obj not in left_out]
+
+    def _with_highs(self, context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> set[bpy.types.Object]:
+        """Low objects with their high objects and cages, by name and by pair."""
+        pairs = list(filter(None, map(object_pairs.of, lows)))
+        by_name = [obj for low in lows for obj in (*self._called_as(context, low), self.cage_by_name(context, low))]
+        return {*lows, *by_name, *(obj for pair in pairs for obj in (*pair.found(), pair.cage))}
 
     def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
         """The pairs of the view layer's objects, and sentences about objects without a match. Raises BakeError for suffixes

@@ -3,7 +3,8 @@
 
 Each gets what it would get if it were selected alone: its own materials and shape, or the detail of its pair. That is so if
 nothing says that one of them is high: neither a slot, a name, a pair, a cage nor Flatten, and if no two of them lie over one
-another. Where only the last two are not so, the panel has a button for it.
+another. Where only the last two are not so, the panel has a button for it. What a name or a pair calls low is not baked as a
+high object onto another low one: the panel leaves it out, with its high objects, and has a button that makes a set of all.
 """
 
 from collections.abc import Sequence
@@ -33,9 +34,10 @@ FLAT = 0.01
 
 def lows(context: bpy.types.Context, panel: "ImprintSettings") -> list[bpy.types.Object]:
     """The low objects of a bake of several at once; empty if the panel bakes one."""
-    is_pair = panel.method == Method.FLATTEN or panel.cage is not None
-    objects = [] if is_pair else candidates(context, panel)
-    if len(objects) < 2:
+    objects = candidates(context, panel) if panel.cage is None else []
+    if len(objects) > 1 and all(naming.role(obj.name, panel.suffixes()) == "low" for obj in objects):
+        return objects  # wherever they lie
+    if len(objects) < 2 or panel.method == Method.FLATTEN:
         return []
     key = tuple(obj.session_uid for obj in objects)
     return [] if until_change.get("lie over", key, lambda: lie_over(objects)) else objects
@@ -61,6 +63,33 @@ def _places(panel: "ImprintSettings", selected: Sequence[bpy.types.Object]) -> l
     highs = {high for pair in pairs if not pair.is_own for high in pair.found()}
     is_high = any(obj.type != "MESH" or obj in highs or _is_called_high(obj, panel) for obj in objects)
     return [] if is_high or len(objects) < 2 else list(compress(range(len(selected)), may_be))
+
+
+def others(
+    context: bpy.types.Context, panel: "ImprintSettings", low: bpy.types.Object | None
+) -> list[bpy.types.Object]:
+    """The selected objects that a name or a pair calls low, beside `low`, which is one of these, too; else empty."""
+    if low is None or not is_low(low, panel):
+        return []
+    selected = context.view_layer.objects.selected
+    key = (low.session_uid, panel.suffixes(), *((obj.session_uid, obj.name) for obj in selected))
+    uids = until_change.get("other lows", key, lambda: _others(panel, low, selected))
+    return [obj for obj in selected if obj.session_uid in uids] if uids else []
+
+
+def _others(panel: "ImprintSettings", low: bpy.types.Object, selected: Sequence[bpy.types.Object]) -> set[int]:
+    pair = object_pairs.of(low)
+    own = {low, *pair.found(), pair.cage} if pair is not None else {low}
+    return {obj.session_uid for obj in selected if obj not in own and is_low(obj, panel)}
+
+
+def is_low(obj: bpy.types.Object, panel: "ImprintSettings") -> bool:
+    """Whether a name or a pair calls an object low. One that was baked onto itself may be a high object, too."""
+    if obj.type != "MESH" or _is_called_high(obj, panel):
+        return False
+    pair = object_pairs.of(obj)
+    is_paired = pair is not None and pair.is_kept and not pair.is_own
+    return is_paired or naming.role(obj.name, panel.suffixes()) == "low"
 
 
 def _is_called_high(obj: bpy.types.Object, panel: "ImprintSettings") -> bool:
