@@ -437,7 +437,7 @@ def _draw_plan(
         draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
         if reports := results.all_of(context, chosen.low):
             row = box.row(align=True)
-            draw_numbers(row, reports)
+            draw_numbers(row, reports, is_told=True)
             row.operator("imprint.show_map", text="", icon="IMAGE_DATA")
             row.operator("imprint.export", text="", icon="EXPORT")
 

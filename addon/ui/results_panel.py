@@ -168,15 +168,15 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
     layout.operator("imprint.export", icon="EXPORT")
 
 
-def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
-    """The number of warnings, or else the covered share, and the time."""
+def draw_numbers(layout: bpy.types.UILayout, reports: Sequence[Report], *, is_told: bool = False) -> None:
+    """The number of warnings, or else the covered share, and the time. is_told: whether the warnings are told elsewhere."""
     number = sum(text.harm is not NOTE for text in results.warnings_of(reports))
-    if number:
+    if number and not is_told:
         line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
     else:
         line = message("{} covered").format(f"{reports[0].coverage:.0%}")
     line += f", {_seconds(reports)}"
-    layout.label(text=line, icon=sign(reports), translate=False)
+    layout.label(text=line, icon="BLANK1" if is_told else sign(reports), translate=False)
 
 
 def _of_live(report: Report) -> list[str]:
