@@ -92,6 +92,21 @@ class TestAdd:
         sculpt.name = "detail"
         assert highs_of(sets.active(bpy.context)) == {"crate": ["detail", "bolts"]}
 
+    def test_what_lies_elsewhere_is_a_part_of_its_own(self, props):
+        table, bolt = cube("table", 20.0), cube("bolt", 0.1)
+        assert added(props["crate_low"], props["crate_high"], table) == {
+            "crate_low": ["crate_high"],
+            "table": ["table"],
+        }
+        assert added(props["crate_low"], props["crate_high"], bolt) == {"crate_low": ["crate_high", "bolt"]}
+
+    def test_another_high_object_than_that_by_name(self, props):
+        assert added(props["crate_low"], cube("sculpt")) == {"crate_low": ["sculpt"]}
+        assert added(props["crate_low"]) == {"crate_low": ["sculpt"]}
+
+    def test_a_high_object_beside_its_low_one(self):
+        assert added(cube("crate_low"), cube("sculpt", 9.0)) == {"crate_low": ["sculpt"]}
+
     def test_objects_side_by_side_are_a_part_each(self):
         objects = [cube(name, 3.0 * number) for number, name in enumerate(("lamp", "table", "vase"))]
         assert added(*objects) == {name: [name] for name in ("lamp", "table", "vase")}
