@@ -35,6 +35,7 @@ from ..scene.reading import lengths_of
 from . import (
     arguments,
     blender_process,
+    changed_parts,
     clashes,
     input_checks,
     interruption,
@@ -46,9 +47,10 @@ from . import (
     standard_streams,
     terminal,
 )
+from .changed_parts import Kept
 from .options import RunOptions
 from .plans import Plan, subject
-from .records import Assignment, Content, Contents, finish_record
+from .records import Assignment, Content, Contents, finish_record, read_record
 from .run_report import STDOUT, Entry, State, Totals, report_path
 from .scene_files import SceneLoader
 from .terminal import Meter
@@ -83,6 +85,8 @@ class _Opened:
     """As Report has it."""
     only: frozenset[int] | None = None
     """The session_uids of the low objects that are baked; None for all."""
+    kept: Kept = changed_parts.NONE
+    """What is left out as its maps are true."""
 
     @property
     def name(self) -> str:
@@ -111,6 +115,8 @@ class Baker:
         """
         self._files, self._meter, self._folders, self._loader = files, meter, folders, SceneLoader(folders)
         self._options, self._contents = options, Contents()
+        self._states: dict[str, str] = {}
+        """What the last bake has read, as in Record."""
         if needs_all:
             blender_process.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
@@ -124,7 +130,11 @@ class Baker:
         try:
             interruption.check()
             opened = self._open(plan, is_hashed=is_hashed)
-            entry = self._run(opened, start, is_hashed=is_hashed)
+            self._states = {}
+            if self._options.changed:
+                opened = self._without_true(opened, assigned.record)
+            is_true = opened.only is not None and not opened.only  # some are, and the others are off
+            entry = self._of_true(opened) if is_true else self._run(opened, start, is_hashed=is_hashed)
         except interruption.Stopped:
             entry = Entry(plan.number, plan.name, State.STOPPED, STOPPED, is_listed=False)
         except (BakeError, MemoryError) as error:
@@ -143,8 +153,19 @@ class Baker:
                 self._contents,
                 is_pictured=bool(self._options.pictures),
                 not_followed=opened.not_followed,
+                states=self._states,
             )
+            if not opened.only and opened.kept.lows and entry.state == State.DONE:
+                entry.state = State.RESUMED
         return entry
+
+    def _of_true(self, opened: _Opened) -> Entry:
+        """The entry of a bake all of whose maps are true."""
+        self._states, reports = opened.kept.states, opened.kept.reports
+        facts = {"inputs": [each.facts() for each in (*opened.named, *opened.found)], "reports": reports}
+        files = list(self._written(reports, "", is_hashed=True))
+        plan = opened.plan
+        return Entry(plan.number, opened.name, files=files, are=_kind(plan.options), problems=opened.problems, **facts)
 
     def _open(self, plan: Plan, *, is_hashed: bool) -> _Opened:
         """Check what can be checked, and open what the plan names.
@@ -189,8 +210,19 @@ class Baker:
             named = reading.all_of(plans.input_paths(options, bpy.data.filepath))
             found = reading.all_of(scene_files.read_by(options, jobs))
         not_followed = scene_files.not_followed(options, jobs)
-        only = scene_jobs.only(options, jobs)
-        return _Opened(plan, jobs, wants, problems, notes, named, found, not_followed, smooth_files, only)
+        opened = _Opened(plan, jobs, wants, problems, notes, named, found, not_followed, smooth_files)
+        return replace(opened, only=scene_jobs.only(options, jobs))
+
+    def _without_true(self, opened: _Opened, record: Path | None) -> _Opened:
+        """Leave out the low objects whose maps are true."""
+        options, jobs = opened.plan.options, opened.jobs
+        before = read_record(record) if record is not None else None
+        wanted = [job for job in jobs if opened.only is None or job.low_ref.uid in opened.only]
+        shared = {"share_image": _share_image(options), "shared_name": _shared_name(options)}
+        settings = _for_linked(arguments.settings(options), options, jobs)
+        kept = changed_parts.look(options, jobs, settings, before, self._contents, **shared)
+        only = frozenset(job.low_ref.uid for job in wanted) - kept.lows
+        return replace(opened, only=only if kept.lows else opened.only, kept=kept)
 
     def _run(self, opened: _Opened, start: float, *, is_hashed: bool) -> Entry:
         """Bake, and save what the options name. start: when the bake began, by time.perf_counter.
@@ -228,7 +260,8 @@ class Baker:
                     _save_scene(Path(scene), reports)
             problems = [*opened.problems, *(chain.left_out if chain else ())]
             warnings = [*problems, *(text for report in reports for text in report.warnings)]
-            values = [report.to_dict() for report in reports]
+            self._states = opened.kept.states | changed_parts.states_of(reports)
+            values = [*opened.kept.reports, *(report.to_dict() for report in reports)]
             over = limits.over(options.strict, values)
             over += [text for report in reports for text in report.asset.get("missed", ())]
             entry = Entry(

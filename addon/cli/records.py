@@ -6,9 +6,10 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from pathlib import Path, PurePath
+from types import MappingProxyType
 from typing import Any
 
 from ..core import naming, versions
@@ -97,7 +98,6 @@ _PATHS = {name: option for each in OPTIONS.values() for name, option in each.ite
 _NOT_SETTINGS = {
     *_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS}),
     "name",
-    "set",
     "notes",
     "of_window",
 }
@@ -141,6 +141,8 @@ class Record:
     """The hash of its picture; empty if the run kept none."""
     result: Entry
     """The bake's entry of the report."""
+    states: dict[str, str]
+    """What it has read for each low object, as jobs.part_state has it, by names; empty for bakes of untrusted files."""
 
 
 def _filled(options: argparse.Namespace, output: str, low: str) -> str:
@@ -200,6 +202,7 @@ def write_record(
     hashes: Contents,
     *,
     is_pictured: bool = False,
+    states: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the record of a bake whose files are complete. Raises BakeError, also for a file that was changed meanwhile.
 
@@ -207,6 +210,7 @@ def write_record(
         others: The files that it read beside those of the key, as they were when it read them.
         hashes: May have read the files that it wrote.
         is_pictured: Whether the run keeps its picture.
+        states: As in Record.
     """
     path, key, report = assigned.record, assigned.key, report_path(assigned.plan.options.report)
     files = [each["path"] for each in entry.files]
@@ -230,6 +234,7 @@ def write_record(
         "files": [_plain(hashes.of(each), folder) | {"stamp": _shared_stamp(each)} for each in written],
         "picture": hashlib.sha256(entry.image).hexdigest() if is_pictured and entry.image else "",
         "result": entry.to_dict(),
+        "states": dict(states),
     }
     with replacing(path) as partial:
         partial.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
@@ -245,7 +250,15 @@ def read_record(path: Path) -> Record | None:
         declared, others = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
         files = tuple(replace(_content(each, folder), stamp=each["stamp"]) for each in values["files"])
         key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
-        return Record(key, values["key"], others, files, values["picture"], Entry.from_dict(values["result"]))
+        return Record(
+            key,
+            values["key"],
+            others,
+            files,
+            values["picture"],
+            Entry.from_dict(values["result"]),
+            dict(values["states"]),
+        )
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -288,17 +301,19 @@ def finish_record(
     *,
     is_pictured: bool = False,
     not_followed: Sequence[str] = (),
+    states: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the record of a bake if it has one and is done. A record that cannot be written is a warning of the entry.
 
-    found, hashes, is_pictured: as in `write_record`. not_followed: why files that the bake read are not known, in clauses.
+    found, hashes, is_pictured, states: as in `write_record`. not_followed: why files that the bake read are not known, in
+    clauses.
     """
     if assigned.record is None or entry.state not in {State.DONE, State.GATE}:
         return
     try:
         if not_followed:
             raise BakeError(f"{not_followed[0]}, so --resume does it again.")
-        write_record(assigned, entry, others, hashes, is_pictured=is_pictured)
+        write_record(assigned, entry, others, hashes, is_pictured=is_pictured, states=states)
     except BakeError as error:
         entry.warnings.append(f"The bake has no record: {error}")
 

@@ -80,6 +80,8 @@ def _of_parts(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
 def only(options: argparse.Namespace, jobs: Sequence[Job]) -> frozenset[int] | None:
     """The session_uids of the low objects that are baked, where parts are switched off; None for all."""
     off = {part.low for part in options.part if not part.is_on}
+    if off.issuperset(job.low.name for job in jobs):
+        raise BakeError("All parts are switched off: switch on those to bake.")
     return frozenset(job.low_ref.uid for job in jobs if job.low.name not in off) if off else None
 
 

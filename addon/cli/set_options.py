@@ -14,6 +14,7 @@ from ..core import naming
 from ..core.errors import BakeError
 from ..core.naming import did_you_mean, printable
 from ..core.scene_sets import SceneSet
+from ..core.settings import PART_OF
 from . import arguments, job_file, run_report
 from .blender_process import load_blender
 from .commands import WrongUsage
@@ -128,6 +129,8 @@ def _of_set(one: SceneSet, file: str, options: argparse.Namespace, over: Mapping
     if problems := list(arguments.mistakes(made)):
         raise WrongUsage(f"{title}: {'; '.join(problems)}")
     made.notes = one.left_out
+    if not over.keys() & {*PART_OF, "size"}:
+        made.of_window = dict(one.states), one.settings
     return made
 
 

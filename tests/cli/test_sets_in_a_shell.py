@@ -15,8 +15,9 @@ import addon
 from addon.cli import command, set_options
 from addon.core import progress
 from addon.core.progress import Pace
+from addon.jobs import bake_jobs
 from addon.jobs import sets as set_jobs
-from addon.ui import sets
+from addon.ui import results, sets
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
@@ -141,8 +142,7 @@ def test_parts_that_are_off_keep_their_texels(props):
     run("props.blend", "--set", "Atlas", "--report", "r.json", "--force")
     assert [each["low"] for each in reports.bakes(props / "r.json")[0]["reports"]] == ["crate_low", "bolt_low"]
     (props / "old.png").write_bytes(before["T_Atlas.png"])
-    old, new = (bpy.data.images.load(str(props / name)) for name in ("old.png", "maps/T_Atlas.png"))
-    a, b = (np.reshape(image.pixels, (24, 48, 4)) for image in (old, new))
+    a, b = pixels_of("old.png"), pixels_of("maps/T_Atlas.png")
     assert np.array_equal(a[:, 18:30], b[:, 18:30])
     assert not np.array_equal(a[:, :14], b[:, :14])
 
@@ -283,3 +283,129 @@ def test_the_script_reads_sets_in_a_process_of_its_own(props):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert len(contents()) == 4
+
+
+# --changed
+
+
+def changed(*words, name="Crate"):
+    """The low objects that --changed bakes, the state of the bake, and the low objects in its report."""
+    baked = []
+    work = bake_jobs.work
+
+    def noted(context, jobs, settings, pace, **more):
+        only = more.get("only")
+        baked.extend(job.low.name for job in jobs if only is None or job.low_ref.uid in only)
+        return work(context, jobs, settings, pace, **more)
+
+    bake_jobs.work = noted
+    try:
+        run("props.blend", "--set", name, "--changed", "--report", "r.json", *words)
+    finally:
+        bake_jobs.work = work
+    entry = reports.bakes(Path("r.json"))[0]
+    return baked, entry["state"], sorted(each["low"] for each in entry["reports"])
+
+
+LOWS = ["bolt_low", "crate_low", "lid_low"]
+
+
+def edit(name="lid_high"):
+    bpy.ops.wm.open_mainfile(filepath="props.blend")
+    bpy.data.objects[name].data.vertices[3].co.z += 0.5
+    bpy.ops.wm.save_mainfile()
+
+
+def test_changed_bakes_the_parts_that_have_changed(props):
+    assert changed() == (["crate_low", "lid_low", "bolt_low"], "done", LOWS)
+    first = contents()
+    assert changed() == ([], "resumed", LOWS)
+    edit()
+    assert changed() == (["lid_low"], "done", LOWS)
+    second = contents()
+    assert [name for name in first if first[name] != second[name]] == ["lid_low.png"]
+    run("props.blend", "--set", "Crate", "--force")
+    assert contents() == second
+    assert changed() == ([], "resumed", LOWS)
+
+
+def test_changed_knows_a_file_that_was_saved_without_a_change(props):
+    changed()
+    bpy.ops.wm.open_mainfile(filepath="props.blend")
+    bpy.data.objects.new("nothing", None)
+    bpy.ops.wm.save_mainfile()
+    assert changed() == ([], "resumed", LOWS)
+    before = (props / "maps" / "lid_low.png").stat().st_mtime_ns
+    assert changed("--workers", "0") == ([], "resumed", LOWS)
+    assert (props / "maps" / "lid_low.png").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("what", ["deleted", "painted"])
+def test_changed_bakes_parts_whose_file_is_another_one(props, what):
+    changed()
+    before, path = contents(), props / "maps" / "crate_low.png"
+    path.unlink() if what == "deleted" else path.write_bytes(path.read_bytes() + b"x")
+    assert changed() == (["crate_low"], "done", LOWS)
+    assert contents() == before
+
+
+def test_changed_bakes_all_for_another_setting(props):
+    changed()
+    assert changed("--samples", "4") == (["crate_low", "lid_low", "bolt_low"], "done", LOWS)
+    assert changed("--samples", "4") == ([], "resumed", LOWS)
+
+
+def test_changed_keeps_the_texels_of_the_others_in_one_image(props):
+    assert changed(name="Atlas")[0] == ["crate_low", "lid_low", "bolt_low"]
+    edit()
+    assert changed(name="Atlas") == (["lid_low"], "done", LOWS)
+    after = pixels_of("maps/T_Atlas.png")
+    run("props.blend", "--set", "Atlas", "--force")
+    np.testing.assert_array_equal(pixels_of("maps/T_Atlas.png"), after)
+
+
+def pixels_of(path):
+    image = bpy.data.images.load(str(Path(path).absolute()))
+    texels = np.reshape(image.pixels, (24, 48, 4))
+    bpy.data.images.remove(image)
+    return texels
+
+
+def test_changed_knows_what_the_window_has_baked(props):
+    results.remember(window_reports("Crate"))
+    bpy.ops.wm.save_mainfile()
+    assert changed() == ([], "resumed", [])
+    edit("crate_high")
+    assert changed() == (["crate_low"], "done", ["crate_low"])
+    assert changed() == ([], "resumed", ["crate_low"])
+    assert changed("--output", "out/{low}.png") == (["crate_low", "lid_low", "bolt_low"], "done", LOWS)
+
+
+def window_reports(name):
+    one = bpy.context.scene.imprint_sets[name]
+    return progress.finish(set_jobs.work(bpy.context, sets.resolve(bpy.context, one), Pace()))
+
+
+def test_changed_with_a_scene_to_save_bakes_all_or_nothing(props):
+    assert changed("--save-blend", "out.blend")[0] == ["crate_low", "lid_low", "bolt_low"]
+    edit()
+    assert changed("--save-blend", "out.blend")[0] == ["crate_low", "lid_low", "bolt_low"]
+
+
+def test_changed_is_for_pairs_by_name_too(props):
+    words = ["props.blend", "--pairs", "--output", "p/{low}.png", "--size", "16", "--changed", "--report", "r.json"]
+    for expected in ("done", "resumed"):
+        run(*words)
+        assert [each["state"] for each in reports.bakes(props / "r.json")] == [expected]
+    before = (props / "p" / "crate_low.png").stat().st_mtime_ns
+    edit()
+    run(*words)
+    assert (props / "p" / "crate_low.png").stat().st_mtime_ns == before
+
+
+def test_a_set_whose_parts_are_all_off(props, capsys):
+    for name in LOWS:
+        bpy.data.objects[name].imprint_is_baked = False
+    bpy.ops.wm.save_mainfile()
+    run("props.blend", "--set", "Crate", code=1)
+    assert "All parts are switched off: switch on those to bake." in capsys.readouterr().err

@@ -48,7 +48,13 @@ WITHOUT = {
 WITHOUT_BLENDER = "addon/cli", "addon/output/atomic_file", "addon/output/path_clashes"
 """Folders and modules that need no Blender, although others of their package do. They import only what needs none."""
 WITH_BLENDER = {
-    *("addon/cli/baker.py", "addon/cli/input_checks.py", "addon/cli/scene_files.py", "addon/cli/scene_jobs.py"),
+    *(
+        "addon/cli/baker.py",
+        "addon/cli/changed_parts.py",
+        "addon/cli/input_checks.py",
+        "addon/cli/scene_files.py",
+        "addon/cli/scene_jobs.py",
+    ),
     "addon/cli/worker.py",
 }
 """The modules in these folders that do."""
