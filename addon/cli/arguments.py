@@ -59,7 +59,12 @@ def takes_all(options: argparse.Namespace) -> bool:
 def asks_for_sets(options: argparse.Namespace) -> bool:
     """Whether --list lists the sets of .blend files, as nothing in them is named."""
     is_open = any(vars(options)[name.replace("-", "_")] for name in (*SUBJECTS, "output", "convert"))
-    return bool(options.file) and not is_open and all(".blend" in PurePath(name).suffix for name in options.file)
+    return (
+        options.list
+        and bool(options.file)
+        and not is_open
+        and all(".blend" in PurePath(name).suffix for name in options.file)
+    )
 
 
 def stored_normals(options: argparse.Namespace) -> StoredNormals:
@@ -134,6 +139,8 @@ def check(options: argparse.Namespace, program: str = "imprint") -> RunOptions:
     if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
         raise WrongUsage(f"{job_file!r} is a job file: put --jobs before it")
     run = RunOptions.of(options, program)
+    if asks_for_sets(options):
+        return run
     others = _given(options, CONVERT.ignored) if options.convert else []
     of_conversion = [CONVERT.refusal.format(", ".join(others))] if others else []
     _refuse([*mistakes(options), *of_conversion, *run.mistakes(has_files=bool(options.file or options.low_file))])

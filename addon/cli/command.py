@@ -103,7 +103,7 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
 
             return baker.look_at(options)
         options, sets = _read(command, words, program, meter)
-        if options.list and arguments.asks_for_sets(sets[0]):
+        if arguments.asks_for_sets(sets[0]):
             return set_options.print_sets(sets[0], as_json=options.json)
         if any(each.set for each in sets):
             if options.untrusted:
@@ -179,8 +179,7 @@ def _read(
             raise
         finally:
             meter.clear()
-    is_of_sets = options.list and arguments.asks_for_sets(options)
-    return RunOptions.of(options, program) if is_of_sets else arguments.check(options, program), [options]
+    return arguments.check(options, program), [options]
 
 
 def _has_no_folder() -> str:

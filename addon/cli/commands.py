@@ -92,6 +92,7 @@ BAKE = Command(
     "%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
     "       %(prog)s MESH ... --output MAP [option ...]\n"
     "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
+    "       %(prog)s FILE.blend --set NAME [option ...]\n"
     "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
     "       %(prog)s [FILE ...] --low NAME --convert MAP --output MAP [option ...]\n"
     "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",

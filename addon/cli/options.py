@@ -203,7 +203,7 @@ OBJECTS = {
     ),
     "part": CommandOption(
         "A low object of several with its high ones, as crate_low=crate_high,bolts. The option may be repeated. In job files "
-        "also a table with low, high, cage, size, distance and on",
+        "also a table with low, high, cage, size, distance, sizes of materials and on",
         {"type": option_types.part, "action": "append", "default": [], "metavar": "LOW=HIGH,..."},
     ),
     "set": CommandOption(

@@ -71,7 +71,7 @@ def _of_parts(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
     for part in options.part:
         low, *highs = map(object_by_name, (part.low, *part.highs))
         cage = object_by_name(part.cage) if part.cage else None
-        jobs.append(Job(low, highs or [low], cage, size=part.size, distance=part.distance))
+        jobs.append(Job(low, highs or [low], cage, size=part.size, distance=part.distance, sizes=part.sizes))
     others = [object_by_name(low) for low in options.low if low not in {part.low for part in options.part}]
     more, notes = _without_highs(others, options.suffixes)
     return [*jobs, *more], notes

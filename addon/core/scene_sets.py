@@ -16,7 +16,15 @@ from .naming import Suffixes, did_you_mean, fill_low, has_low, of_shared_texture
 from .settings import PART_OF, Settings
 from .udim import TOKEN
 
-_KEYS = {"low": "low", "highs": "high", "cage": "cage", "size": "size", "distance": "distance", "is_on": "on"}
+_KEYS = {
+    "low": "low",
+    "highs": "high",
+    "cage": "cage",
+    "size": "size",
+    "distance": "distance",
+    "sizes": "sizes",
+    "is_on": "on",
+}
 """The keys of a part, by its fields."""
 
 
@@ -33,6 +41,8 @@ class Part:
     """Of its square maps, in texels; 0 for that of all."""
     distance: float = 0.0
     """How far its rays reach outward and inward, in scene units; 0 for that of all."""
+    sizes: tuple[tuple[str, int], ...] = ()
+    """Of the images of materials that have a size of their own, by their names."""
     is_on: bool = True
     """Whether it is baked. Others keep their texels, and shade what is baked."""
 
@@ -60,10 +70,12 @@ class Part:
         values = {"low": ""} | {name: table[key] for name, key in _KEYS.items() if key in table}
         highs = values.get("highs", [])
         values["highs"] = (highs,) if isinstance(highs, str) else tuple(highs) if isinstance(highs, list) else (None,)
+        sizes = values.get("sizes", {})
+        values["sizes"] = tuple(sizes.items()) if isinstance(sizes, dict) else ((None, 0),)
         part = cls(**values)
         if not _fits(part):
-            kinds_of_values = "low, high and cage are names, size and distance numbers, on is true or false"
-            raise BakeError(f"{text} is not a part: {kinds_of_values}.")
+            kinds_of_values = "low, high and cage are names, size and distance numbers, sizes a table of numbers"
+            raise BakeError(f"{text} is not a part: {kinds_of_values}, on is true or false.")
         return part
 
     @property
@@ -73,14 +85,17 @@ class Part:
         values = {
             key: getattr(self, name) for name, key in _KEYS.items() if getattr(self, name) != getattr(usual, name)
         }
-        return {"low": self.low, **values, **({"high": list(self.highs)} if self.highs else {})}
+        tables = {"high": list(self.highs), "sizes": dict(self.sizes)}
+        return {"low": self.low, **values, **{key: value for key, value in tables.items() if value}}
 
 
 def _fits(part: Part) -> bool:
     """Whether all values of a part have their types, and numbers are not negative."""
-    names = all(isinstance(name, str) for name in (part.low, part.cage, *part.highs)) and bool(part.low)
-    numbers = isinstance(part.size, int) and isinstance(part.distance, int | float) and not isinstance(part.size, bool)
-    return names and numbers and part.size >= 0 and 0 <= part.distance < float("inf") and isinstance(part.is_on, bool)
+    materials, sizes = zip(*part.sizes, strict=True) if part.sizes else ((), ())
+    names = all(isinstance(name, str) for name in (part.low, part.cage, *part.highs, *materials)) and bool(part.low)
+    whole = all(isinstance(size, int) and not isinstance(size, bool) and size >= 0 for size in (part.size, *sizes))
+    is_length = isinstance(part.distance, int | float) and 0 <= part.distance < float("inf")
+    return names and whole and is_length and isinstance(part.is_on, bool)
 
 
 @dataclass(frozen=True)

@@ -145,10 +145,11 @@ def _take(context: bpy.types.Context, made: JobSet, folder: Path) -> ImprintSet:
     if made.settings.map.texture_sets and not made.share_image and len(made.parts) > 1:
         raise BakeError("Its images are of each part and each material: a set shares them by one of the two.")
     for part in made.parts:
-        if str(part.size) not in {"0", *map(str, SIZES)}:
-            raise BakeError(
-                f"{part.low!r} cannot have {part.size} texels of its own: {', '.join(map(str, SIZES))} are possible."
-            )
+        for name, size in ((part.low, part.size), *part.sizes):
+            if str(size) not in {"0", *map(str, SIZES)}:
+                raise BakeError(
+                    f"{name!r} cannot have {size} texels of its own: {', '.join(map(str, SIZES))} are possible."
+                )
     jobs = [(part, *_objects(part)) for part in made.parts]
     one = add(context, made.name or (naming.without_suffix(made.parts[0].low) if made.parts else ""))
     one.source = "NAMES" if made.pairs else "PARTS"
@@ -162,6 +163,9 @@ def _take(context: bpy.types.Context, made: JobSet, folder: Path) -> ImprintSet:
         if part.low not in made.by_name:
             put_pair(context, low, highs or [low], cage)
         low.imprint_size, low.imprint_distance, low.imprint_is_baked = str(part.size), part.distance, part.is_on
+        for material, size in part.sizes:
+            if material in bpy.data.materials:
+                bpy.data.materials[material].imprint_size = str(size)
     return one
 
 

@@ -51,7 +51,8 @@ def describe(one: sets.ImprintSet) -> SceneSet:
 
 def _part(job: Job, *, is_on: bool) -> Part:
     highs = [high.name for high in job.highs]
-    return Part(job.low.name, tuple(highs), job.cage.name if job.cage else "", job.size, job.distance, is_on)
+    cage = job.cage.name if job.cage else ""
+    return Part(job.low.name, tuple(highs), cage, job.size, job.distance, job.sizes, is_on)
 
 
 @contextmanager

@@ -101,7 +101,10 @@ def run(*words, code=0):
 
 def test_files_are_those_of_the_window(props):
     names = ("Crate", "Atlas", "Wooden")
+    bpy.data.materials["Wood"].imprint_size = "512"
+    bpy.ops.wm.save_mainfile()
     before = in_window(*names)
+    assert len(before["Wood.png"]) > 10 * len(before["T_Atlas.png"])
     assert [*before] == ["T_Atlas.png", "Wood.png", "bolt_low.png", "crate_low.png", "lid_low.png"]
     shutil.rmtree("maps")
     run("props.blend", *(word for name in names for word in ("--set", name)))

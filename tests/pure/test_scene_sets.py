@@ -83,7 +83,7 @@ def test_another_suffix_is_kept():
 PARTS = (
     Part("crate_low", ("crate_high",)),
     Part('a, b = "c"', ("x=y", "z,w"), "cage", 512, 0.25),
-    Part("itself", is_on=False),
+    Part("itself", sizes=(("Wood", 512), ("Iron", 64)), is_on=False),
 )
 
 
@@ -122,6 +122,9 @@ WRONG_PARTS = {
     '{"low": "a", "size": -1}': "is not a part",
     '{"low": "a", "on": 1}': "is not a part",
     '{"low": 3}': "is not a part",
+    '{"low": "a", "sizes": 3}': "is not a part",
+    '{"low": "a", "sizes": {"Wood": "big"}}': "is not a part",
+    '{"low": "a", "sizes": {"Wood": -1}}': "is not a part",
     '{"high": ["b"]}': "is not a part",
     '{"low": "a", "high": 3}': "is not a part",
     '{"low": "a"': "is not a table",
