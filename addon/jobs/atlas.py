@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Packs the UV islands of several objects into one map, at one texel density, and later those of more objects beside them.
+"""Packs the UV islands of several objects into one map, or one for each material, at one texel density, and later those of more
+objects beside them.
 
-Each object gets a UV map of its own for it, and keeps its other ones.
+Each object gets a UV map of its own for it, and keeps its other ones. Islands of an object that lie on each other stay so.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 import bpy
@@ -13,8 +14,10 @@ import numpy as np
 from ..audit import mip_gaps
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
-from ..mesh.triangles import face_areas
+from ..mesh import uv_packing
+from ..mesh.uv_stacks import Stacks
 from ..scene import mesh_reader
+from ..scene.high_materials import sets_of
 from . import temporary
 from .unwrapping import editing, pack_boxes
 
@@ -22,31 +25,54 @@ LAYER = "Atlas"
 """The UV map of each object."""
 INSIDE = 1e-5
 """By how much packed UVs may be outside of the map."""
+SAME_DENSITY = 1.02
+"""The quotient of the largest and the smallest factor to one texel density that counts as one."""
+Textures = dict[str, dict[bpy.types.Object, Stacks]]
+"""The islands of objects that are in a texture, by the name of its material; empty for one texture of all."""
 
 
-def pack(lows: Sequence[bpy.types.Object], settings: Settings, *, is_done_once: bool = False) -> str:
-    """Give objects a UV map in which their islands, as their active UV maps have them, lie side by side.
+def pack(
+    lows: Sequence[bpy.types.Object],
+    settings: Settings,
+    *,
+    only: Collection[bpy.types.Object] | None = None,
+    is_done_once: bool = False,
+    is_anew: bool = False,
+) -> str:
+    """Give objects a UV map in which their islands, as their active UV maps have them, lie side by side; with texture sets,
+    those of each material by themselves.
 
-    Objects that have it already keep their places, if there are others. is_done_once: whether they also do if there are none.
-    Returns a sentence. Raises BakeError, and then nothing has changed.
+    Objects that have it already keep their places, and where all have it and are packed, nothing changes. Returns a sentence.
+    Raises BakeError, and then nothing has changed.
+
+    Args:
+        only: those that are packed, anew or for the first time; all others keep their places.
+        is_done_once: whether objects keep their places even if they lie on each other.
+        is_anew: whether all are packed anew.
     """
     _check(lows)
-    staying = [low for low in lows if LAYER in low.data.uv_layers]
-    coming = [low for low in lows if low not in staying]
-    if not coming and not is_done_once:
-        staying, coming = [], list(lows)
     margin = mip_gaps.needed(settings.sampling) / 2.0 / min(settings.sampling.size)
-    uv = [] if not coming else _beside(staying, coming, margin) if staying else _packed(coming, margin)
-    for low, coordinates in zip(coming, uv, strict=True):
+    by_material = settings.map.texture_sets
+    staying = [low for low in lows if (LAYER in low.data.uv_layers if only is None else low not in only)]
+    if only is None and len(staying) == len(lows) and not is_done_once:
+        is_anew = is_anew or not _are_packed(_textures(lows, by_material=by_material), margin)
+    coming = [low for low in lows if is_anew or low not in staying]
+    staying = [low for low in lows if low not in coming]
+    packed = _packed(_textures(coming, by_material=by_material), _textures(staying, by_material=by_material), margin)
+    for low, coordinates in packed.items():
         layers = low.data.uv_layers
         layer = layers[LAYER] if LAYER in layers else layers.new(name=LAYER, do_init=False)
         layer.uv.foreach_set("vector", np.ascontiguousarray(coordinates, np.float32).reshape(-1))
-    for low in lows:
+    for low in (low for low in lows if LAYER in low.data.uv_layers):
         low.data.uv_layers.active = low.data.uv_layers[LAYER]
         low.data.update()
-    kept = f", beside {len(staying):,} that kept their places" if staying and coming else ""
-    names = shorten_list(repr(low.name) for low in coming or lows)
-    return f"{names} have the UV map {LAYER!r}{kept}: {_areas(lows)[1]:.0%} of the map used"
+    textures = _textures(lows, by_material=by_material).values()
+    used = np.mean([sum(each.used for each in of_texture.values()) for of_texture in textures])
+    share = f"{used:.0%} of the map used" if len(textures) == 1 else f"{used:.0%} of {len(textures)} maps used"
+    if not coming:
+        return f"{shorten_list(repr(low.name) for low in lows)} have the UV map {LAYER!r} already: {share}"
+    kept = f", beside {len(staying):,} that kept their places" if staying else ""
+    return f"{shorten_list(repr(low.name) for low in coming)} have the UV map {LAYER!r}{kept}: {share}"
 
 
 def _check(lows: Sequence[bpy.types.Object]) -> None:
@@ -63,7 +89,7 @@ def _check(lows: Sequence[bpy.types.Object]) -> None:
             raise BakeError(f"{low.name!r} shares its mesh with other objects: make it a single user.")
         if LAYER not in low.data.uv_layers and len(low.data.uv_layers) == MOST:
             raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
-        if 0.0 in _areas([low]):
+        if not sum(each[low].drawn for each in _textures([low]).values()):
             raise BakeError(f"The UV map {_layer(low)!r} of {low.name!r} has no area: unwrap it anew.")
 
 
@@ -71,88 +97,102 @@ MOST = 8
 """UV maps of a mesh, in Blender."""
 
 
-def _packed(lows: Sequence[bpy.types.Object], margin: float) -> list[np.ndarray]:
-    """The UVs of each, packed anew as large as they fit."""
-    with _joined(lows) as obj:
-        with editing(obj):
-            bpy.ops.uv.average_islands_scale()
-            pack_boxes(margin)
-        return _split(obj, lows)
-
-
-def _beside(staying: Sequence[bpy.types.Object], coming: Sequence[bpy.types.Object], margin: float) -> list[np.ndarray]:
-    """The UVs of those that come, as large as those that stay, between their islands."""
-    with _joined(coming) as obj:
-        with editing(obj):
-            bpy.ops.uv.average_islands_scale()
-        uv = mesh_reader.uvs(obj.data, LAYER)
-        surface, used = _areas([obj])
-    kept_surface, kept_used = _areas(staying)
-    uv *= np.sqrt(kept_used / kept_surface / (used / surface))
-    with _joined([*staying, *coming]) as obj:
-        coordinates = mesh_reader.uvs(obj.data, LAYER)
-        coordinates[-len(uv) :] = uv
-        obj.data.uv_layers[LAYER].uv.foreach_set("vector", coordinates.reshape(-1))
-        pins = obj.data.attributes.new(f".pn.{LAYER}", "BOOLEAN", "CORNER")
-        pins.data.foreach_set("value", np.arange(len(coordinates)) < len(coordinates) - len(uv))
-        with editing(obj):
-            bpy.ops.uv.pack_islands(
-                rotate=True, scale=False, margin_method="FRACTION", margin=margin, shape_method="CONCAVE",
-                merge_overlap=False, pin=True, pin_method="LOCKED",
-            )  # fmt: skip
-        uv = _split(obj, [*staying, *coming])[len(staying) :]
-    outside = [low.name for low, of in zip(coming, uv, strict=True) if of.min() < -INSIDE or of.max() > 1.0 + INSIDE]
-    if outside:
-        raise BakeError(
-            f"{shorten_list(map(repr, outside))} do not fit between the islands of the UV map {LAYER!r}: remove it from all of "
-            "them, and pack them together."
+def _textures(lows: Sequence[bpy.types.Object], *, by_material: bool = False) -> Textures:
+    """The islands of objects by texture: of all, or of each material."""
+    found: Textures = {}
+    for low in lows:
+        mesh = mesh_reader.surface(
+            low.data, _layer(low), low.name, np.array(low.matrix_world, np.float64), with_faces=True
         )
-    return uv
+        slots = mesh_reader.material_slots(low.data, mesh, max(1, len(low.material_slots)))
+        for one in sets_of(low, is_own_base=True) if by_material else [None]:
+            part = mesh if one is None else mesh.with_triangles(np.isin(slots, one.slots))
+            if len(part.triangles):
+                found.setdefault("" if one is None else one.name, {})[low] = Stacks(part)
+    return found
+
+
+def _are_packed(textures: Textures, margin: float) -> bool:
+    """Whether islands lie side by side in the map, at one texel density."""
+    for of_texture in map(list, map(dict.values, textures.values())):
+        factors = np.concatenate([each.factors[each.factors > 0.0] for each in of_texture])
+        points, triangles, starts = _joined([(each.points, each) for each in of_texture])
+        islands = np.cumsum([0, *(len(each.factors) for each in of_texture)])
+        owners = [each.of[each.places] + first for each, first in zip(of_texture, islands[:-1], strict=True)]
+        corners = points[triangles]
+        is_in = corners.min() >= -INSIDE and corners.max() <= 1.0 + INSIDE
+        if not is_in or factors.max() > factors.min() * SAME_DENSITY:
+            return False
+        if not uv_packing.are_apart(corners, np.concatenate(owners)[triangles[:, 0]], margin):
+            return False
+    return True
+
+
+def _packed(textures: Textures, staying: Textures, margin: float) -> dict[bpy.types.Object, np.ndarray]:
+    """The UVs of those that come: packed anew as large as they fit, or as large as those that stay, between their islands."""
+    result: dict[bpy.types.Object, np.ndarray] = {}
+    outside: dict[bpy.types.Object, None] = {}
+    for name, here in textures.items():
+        there = staying.get(name, {})
+        for (low, each), uv in zip(here.items(), _placed([*here.values()], [*there.values()], margin), strict=True):
+            if low not in result:
+                result[low] = mesh_reader.uvs(low.data, _layer(low)).astype(np.float64)
+            result[low][each.corners] = uv
+            inside = uv - each.tiles
+            if inside.min() < -INSIDE or inside.max() > 1.0 + INSIDE:
+                outside[low] = None
+    if outside:
+        names = shorten_list(repr(low.name) for low in outside)
+        raise BakeError(
+            f"{names} do not fit between the islands of the UV map {LAYER!r}: remove it from all of them, and pack them "
+            "together."
+        )
+    return result
+
+
+def _placed(here: Sequence[Stacks], there: Sequence[Stacks], margin: float) -> list[np.ndarray]:
+    """The new UVs of the corners of each of `here`, beside those of `there`."""
+    size = np.sqrt(sum(each.drawn for each in there) / sum(each.surface for each in there)) if there else 1.0
+    points, triangles, starts = _joined(
+        [*((each.points, each) for each in there), *((each.scaled(size), each) for each in here)]
+    )
+    is_fixed = triangles[:, 0] < starts[len(there)]
+    with _object(points, triangles) as obj:
+        if there:
+            pins = obj.data.attributes.new(f".pn.{LAYER}", "BOOLEAN", "CORNER")
+            pins.data.foreach_set("value", np.repeat(is_fixed, 3))
+        with editing(obj):
+            if there:
+                bpy.ops.uv.pack_islands(
+                    rotate=True, scale=False, margin_method="FRACTION", margin=margin, shape_method="CONCAVE",
+                    merge_overlap=False, pin=True, pin_method="LOCKED",
+                )  # fmt: skip
+            else:
+                pack_boxes(margin)
+        points[triangles.reshape(-1)] = mesh_reader.uvs(obj.data, LAYER)
+    parts = np.split(points, starts[1:-1])
+    return [each.placed(part) for each, part in zip(here, parts[len(there) :], strict=True)]
+
+
+def _joined(parts: Sequence[tuple[np.ndarray, Stacks]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The UVs (P, 2) of all places, the triangles (T, 3) of all, and where the places of each begin, with their number at the
+    end. parts: these UVs of each."""
+    starts = np.cumsum([0, *(len(uv) for uv, _ in parts)])
+    triangles = [each.triangles + start for (_, each), start in zip(parts, starts[:-1], strict=True)]
+    return np.concatenate([uv for uv, _ in parts]), np.concatenate(triangles), starts
 
 
 @contextmanager
-def _joined(lows: Sequence[bpy.types.Object]) -> Iterator[bpy.types.Object]:
-    """One object of the own meshes of `lows`, in their order and as large as the objects make them, with the UV map LAYER."""
+def _object(points: np.ndarray, triangles: np.ndarray) -> Iterator[bpy.types.Object]:
+    """An object of triangles whose points (P, 2) are its UVs."""
     with temporary.scene() as scene:
-        copies: list[bpy.types.Object] = []
-        for low in lows:
-            data = low.data.copy()
-            data.transform(low.matrix_world.to_3x3().to_4x4())
-            layers = data.uv_layers
-            kept = _layer(low)
-            for name in [layer.name for layer in layers if layer.name != kept]:
-                layers.remove(layers[name])
-            layers[kept].name = LAYER
-            copies.append(temporary.add_object(scene, data))
-        first = copies[0]
-        context = {"active_object": first, "object": first, "selected_objects": copies}
-        with bpy.context.temp_override(
-            scene=scene, view_layer=scene.view_layers[0], selected_editable_objects=copies, **context
-        ):
-            if len(copies) > 1:
-                meshes = [copy.data for copy in copies[1:]]
-                bpy.ops.object.join()
-                bpy.data.batch_remove(meshes)
-        yield first
-
-
-def _split(obj: bpy.types.Object, lows: Sequence[bpy.types.Object]) -> list[np.ndarray]:
-    """The UVs of each of the joined objects."""
-    return np.split(mesh_reader.uvs(obj.data, LAYER), np.cumsum([len(low.data.loops) for low in lows])[:-1])
+        data = bpy.data.meshes.new(temporary.TEMPORARY)
+        data.from_pydata(np.pad(points, ((0, 0), (0, 1))), [], triangles)
+        layer = data.uv_layers.new(name=LAYER)
+        layer.uv.foreach_set("vector", points[triangles].astype(np.float32).reshape(-1))
+        yield temporary.add_object(scene, data)
 
 
 def _layer(low: bpy.types.Object) -> str:
     """The UV map whose islands are packed."""
     return LAYER if LAYER in low.data.uv_layers else mesh_reader.active_uv_layer(low.data)
-
-
-def _areas(lows: Sequence[bpy.types.Object]) -> tuple[float, float]:
-    """The area of the surface of objects, in the world, and of their triangles in their UV maps that are packed."""
-    surface = used = 0.0
-    for low in lows:
-        mesh = mesh_reader.surface(low.data, _layer(low), low.name, np.array(low.matrix_world, np.float64))
-        corners = mesh.positions[mesh.vertices[mesh.triangles]] @ np.array(low.matrix_world, np.float64)[:3, :3].T
-        surface += face_areas(corners).sum()
-        edges = (mesh.uv[mesh.triangles][:, 1:] - mesh.uv[mesh.triangles][:, :1]).astype(np.float64)
-        used += 0.5 * np.abs(np.linalg.det(edges)).sum()
-    return float(surface), float(used)

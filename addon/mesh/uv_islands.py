@@ -73,6 +73,18 @@ def stacks(mesh: Mesh, uv: MaybeArray = None) -> np.ndarray:
     return np.unique(sums, return_inverse=True)[1]
 
 
+def stacked(mesh: Mesh) -> np.ndarray:
+    """As `islands`, where those with a face on the same place are one. `mesh` must have faces."""
+    numbers, places = islands(mesh), stacks(mesh)[mesh.faces]
+    joined = numbers, numbers.max(initial=-1) + 1 + places.astype(np.int64)
+    return topology.components((*joined, joined[1]), int(joined[1].max(initial=-1)) + 1)[0]
+
+
+def places(mesh: Mesh) -> np.ndarray:
+    """A number for each corner, (C,) int, that is equal for those on the same place in UV space, nearly."""
+    return np.unique(np.stack([_near(mesh.uv[:, axis]) for axis in range(2)], axis=1), axis=0, return_inverse=True)[1]
+
+
 def points_at_a_place(mesh: Mesh) -> float:
     """How many points of the surface, in the mean, have the same UV, of the points of corners. 0 without triangles."""
     used = np.unique(mesh.triangles)

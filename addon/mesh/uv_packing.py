@@ -377,8 +377,27 @@ def _rasterize_conservative(
     empty, and a row after each island.
     """
     first_rows = np.cumsum(size[:, 1] + 1) - size[:, 1] - 1
+    triangle, row, first, last = _spans(corners, size[islands, 1] - 2 * reach)
+    columns = int(min(size[:, 0].max(), 2**31)) + 1
+    limit = size[islands, 0][triangle] - 1
+    start = np.clip(first, 0, limit).astype(np.int64)
+    stop = np.clip(last + 1 + 2 * reach, 1, limit + 1).astype(np.int64)
+    at = (first_rows[islands][triangle] + np.minimum(row, size[islands, 1][triangle] - 1 - 2 * reach) + reach) * columns
+    length = int((size[:, 1] + 1).sum()) * columns
+    steps = np.bincount(at + start, minlength=length) - np.bincount(at + stop, minlength=length)
+    mask = np.cumsum(steps).reshape(-1, columns) > 0
+    grown = mask.copy()
+    for step in range(1, reach + 1):  # the first and the last rows of an island are empty so far
+        grown[step:] |= mask[:-step]
+        grown[:-step] |= mask[step:]
+    return grown, first_rows
+
+
+def _spans(corners: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The rows of cells that triangles (T, 3, 2) touch, at most so many (T,) of each: the triangle, the row, and where the
+    triangle begins and ends in it."""
     bottom, top = np.floor(corners[:, :, 1].min(axis=1)), np.floor(corners[:, :, 1].max(axis=1))
-    count = np.minimum(top - bottom + 1, size[islands, 1] - 2 * reach).astype(np.int64)
+    count = np.minimum(top - bottom + 1, most).astype(np.int64)
     triangle = np.repeat(np.arange(len(corners)), count)
     row = topology.ranges(bottom.astype(np.int64), count)
     first, last = np.full(len(row), np.inf), np.full(len(row), -np.inf)
@@ -394,19 +413,26 @@ def _rasterize_conservative(
         ends[1] = np.where(flat, x + dx[triangle], ends[1])
         first = np.where(meets, np.minimum(first, np.minimum(*ends)), first)
         last = np.where(meets, np.maximum(last, np.maximum(*ends)), last)
-    columns = int(min(size[:, 0].max(), 2**31)) + 1
-    limit = size[islands, 0][triangle] - 1
-    start = np.clip(first, 0, limit).astype(np.int64)
-    stop = np.clip(last + 1 + 2 * reach, 1, limit + 1).astype(np.int64)
-    at = (first_rows[islands][triangle] + np.minimum(row, size[islands, 1][triangle] - 1 - 2 * reach) + reach) * columns
-    length = int((size[:, 1] + 1).sum()) * columns
-    steps = np.bincount(at + start, minlength=length) - np.bincount(at + stop, minlength=length)
-    mask = np.cumsum(steps).reshape(-1, columns) > 0
-    grown = mask.copy()
-    for step in range(1, reach + 1):  # the first and the last rows of an island are empty so far
-        grown[step:] |= mask[:-step]
-        grown[:-step] |= mask[step:]
-    return grown, first_rows
+    return triangle, row, first, last
+
+
+def are_apart(corners: np.ndarray, islands: np.ndarray, gap: float) -> bool:
+    """Whether islands in the map from 0 to 1 share no cell of the size `gap`, as those that are so far apart along u or v.
+
+    Args:
+        corners: (T, 3, 2) float, the UVs of triangles.
+        islands: (T,) int.
+    """
+    side = int(1.0 / gap)
+    cells = np.clip(corners.astype(np.float64), 0.0, 1.0) * side
+    triangle, row, first, last = _spans(cells, np.full(len(cells), side + 1))
+    first, last = (np.clip(np.floor(end), 0, side).astype(np.int64) for end in (first, last))
+    length = last - first + 1
+    cell = topology.ranges(first, length) + np.repeat(row, length) * (side + 1)
+    owner = np.full((side + 1) * (side + 1), -1)
+    numbers = np.repeat(islands[triangle], length)
+    owner[cell] = numbers
+    return bool((owner[cell] == numbers).all())
 
 
 def _runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

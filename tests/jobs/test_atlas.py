@@ -126,6 +126,124 @@ def test_wrong_objects_are_named(case):
     assert atlas.LAYER not in other.data.uv_layers
 
 
+MARGIN = 8 / 2 / 256
+"""Around each island, for the clean mip levels of SETTINGS."""
+
+
+def squares(name, sides, uv, x=0.0):
+    """An object of squares in a row, of these sides. uv: left, bottom and side of the UVs of each, negative if mirrored."""
+    points, corners = [], []
+    for number, (side, (left, bottom, wide)) in enumerate(zip(sides, uv, strict=True)):
+        points += [(3.0 * number + side * a, side * b, 0.0) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        start = left if wide > 0.0 else left - wide
+        corners.append([(start + wide * a, bottom + abs(wide) * b) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    faces = np.arange(len(points)).reshape(-1, 4)
+    low = zoo.build(name, np.array(points), faces, np.array(corners))
+    low.location.x = x
+    bpy.context.view_layer.update()
+    return low
+
+
+def boxes(low):
+    """The lowest and highest UVs (F, 2, 2) of each face."""
+    uv = uv_of(low).reshape(-1, 4, 2)
+    return np.stack([uv.min(axis=1), uv.max(axis=1)], axis=1)
+
+
+def test_four_squares_fill_the_map():
+    """Two rows of two, with a margin around each."""
+    lows = [squares(str(number), [1.0], [(0.0, 0.0, 1.0)], 3.0 * number) for number in range(4)]
+    atlas.pack(lows, SETTINGS)
+    sides = np.concatenate([np.diff(boxes(low), axis=1)[:, 0] for low in lows])
+    np.testing.assert_allclose(sides, (1.0 - 4 * MARGIN) / 2.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("wide", [0.5, -0.5], ids=["copied", "mirrored"])
+def test_islands_on_each_other_stay_so(wide):
+    """As one island, which is as large as that with the larger surface needs. Others that only overlap are put apart."""
+    low = squares("low", [1.0, 2.0, 1.0], [(0.1, 0.1, 0.5), (0.1, 0.1, wide), (0.3, 0.3, 0.25)])
+    said = atlas.pack([low], SETTINGS)
+    uv, place = uv_of(low).reshape(-1, 4, 2), boxes(low)
+    assert f"{np.diff(place, axis=1)[[0, 2]].prod(axis=-1).sum():.0%} of the map used" in said
+    mirrored = [1, 0, 3, 2] if wide < 0.0 else [0, 1, 2, 3]
+    np.testing.assert_array_equal(uv[1], uv[0][mirrored])
+    assert (np.diff(place, axis=1)[0] / np.diff(place, axis=1)[2])[0] == pytest.approx([2.0, 2.0], rel=1e-4)
+    assert (place[2, 0] > place[0, 1]).any() or (place[2, 1] < place[0, 0]).any()
+
+
+def test_copies_that_were_moved_by_a_tile_stay_there():
+    low = squares("low", [1.0, 1.0, 1.0], [(0.1, 0.1, 0.5), (2.1, 1.1, 0.5), (0.7, 0.7, 0.2)])
+    atlas.pack([low], SETTINGS)
+    uv = uv_of(low).reshape(-1, 4, 2)
+    np.testing.assert_allclose(uv[1] - uv[0], np.broadcast_to((2.0, 1.0), (4, 2)), atol=1e-6)
+    assert uv[[0, 2]].max() < 1.0
+
+
+def test_packing_again_moves_nothing_but_what_is_wrong():
+    *first, more = objects()
+    more.scale = (0.2, 0.2, 0.2)
+    bpy.context.view_layer.update()
+    for lows in (first, [*first, more]):
+        atlas.pack(lows, SETTINGS)
+        packed = [uv_of(low) for low in lows]
+        assert "have the UV map 'Atlas' already" in atlas.pack(lows, SETTINGS)
+        assert all(np.array_equal(uv_of(low), uv) for low, uv in zip(lows, packed, strict=True))
+    atlas.pack(lows, SETTINGS, is_anew=True)
+    assert not np.array_equal(uv_of(first[0]), packed[0])
+    packed = [uv_of(low) for low in lows]
+    layer = more.data.uv_layers[atlas.LAYER].uv
+    onto_another = packed[2] - packed[2].mean(axis=0) + packed[0].mean(axis=0)
+    for wrong in (packed[2] * 0.9, packed[2] + (0.5, 0.0), onto_another):
+        layer.foreach_set("vector", wrong.astype(np.float32).ravel())
+        assert "already" not in atlas.pack(lows, SETTINGS)
+        assert sum(covered(low).astype(int) for low in lows).max() == 1
+
+
+def test_only_some_are_packed_between_the_others():
+    """Also those that have the UV map, and others that have another one."""
+    lows = objects()
+    lows[2].scale = (0.2, 0.2, 0.2)
+    bpy.context.view_layer.update()
+    atlas.pack(lows, SETTINGS)
+    packed = [uv_of(low) for low in lows]
+    lows[2].data.uv_layers[atlas.LAYER].uv.foreach_set("vector", (packed[2] * 0.5).astype(np.float32).ravel())
+    lows[1].data.uv_layers[atlas.LAYER].name = "mine"
+    said = atlas.pack(lows, SETTINGS, only=[lows[2]])
+    assert said.startswith("'sheet' have the UV map 'Atlas', beside 2 that kept their places")
+    assert np.array_equal(uv_of(lows[0]), packed[0])
+    assert np.array_equal(uv_of(lows[1], "mine"), packed[1])
+    assert atlas.LAYER not in lows[1].data.uv_layers
+    assert density(lows[2]) == pytest.approx(density(lows[0]), rel=0.02)
+    lows[1].data.uv_layers["mine"].name = atlas.LAYER
+    assert sum(covered(low).astype(int) for low in lows).max() == 1
+
+
+def test_each_material_has_a_map_of_its_own():
+    """Its islands fill that map, as those of a material alone do; what stays in one is no matter in the other."""
+    wood, metal = map(bpy.data.materials.new, ("Wood", "Metal"))
+    lows = [squares(name, [1.0] * 4, [(0.0, 0.0, 1.0)] * 4) for name in ("a", "b")]
+    for low, materials in zip(lows, ((wood, metal), (metal, wood)), strict=True):
+        for material in materials:
+            low.data.materials.append(material)
+        low.data.polygons.foreach_set("material_index", [0, 1, 1, 1])
+        uv = np.tile(uv_of(low, zoo.LAYER).reshape(-1, 4, 2)[:1], (4, 1, 1)) + np.arange(4)[:, None, None] * (2.0, 0.5)
+        low.data.uv_layers[zoo.LAYER].uv.foreach_set("vector", uv.astype(np.float32).ravel())
+    settings = SETTINGS.mapped(texture_sets=True)
+    assert "of 2 maps used" in atlas.pack(lows, settings)
+    for of_a, of_b in (([0], [1, 2, 3]), ([1, 2, 3], [0])):
+        places = np.concatenate([boxes(lows[0])[of_a], boxes(lows[1])[of_b]])
+        np.testing.assert_allclose(np.diff(places, axis=1), (1.0 - 4 * MARGIN) / 2.0, rtol=0.02)
+        middles = places.mean(axis=1)
+        assert {tuple(middle) for middle in (middles > 0.5).tolist()} == {
+            (a, b) for a in (False, True) for b in (False, True)
+        }
+    assert "already" in atlas.pack(lows, settings)
+    glass = squares("c", [1.0], [(0.0, 0.0, 1.0)])
+    glass.data.materials.append(bpy.data.materials.new("Glass"))
+    assert "'c' have the UV map 'Atlas', beside 2 that kept" in atlas.pack([*lows, glass], settings)
+    np.testing.assert_allclose(np.diff(boxes(glass), axis=1), 1.0 - 2 * MARGIN, rtol=0.02)
+
+
 @pytest.mark.usefixtures("gpu_context")
 def test_pairs_are_baked_into_one_image():
     lows = objects()
