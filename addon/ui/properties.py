@@ -203,7 +203,8 @@ class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, Ma
     def _with_highs(self, context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> set[bpy.types.Object]:
         """Low objects with their high objects and cages, by name and by pair."""
         pairs = list(filter(None, map(object_pairs.of, lows)))
-        by_name = [obj for low in lows for obj in (*self._called_as(context, low), self.cage_by_name(context, low))]
+        named = Named(context)
+        by_name = [obj for low in lows for obj in (*named.highs(low), named.cage(low))]
         return {*lows, *by_name, *(obj for pair in pairs for obj in (*pair.found(), pair.cage))}
 
     def pairs_by_name(self, context: bpy.types.Context) -> tuple[list[Pair], list[str]]:
