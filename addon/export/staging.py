@@ -88,12 +88,14 @@ def staged(
             context.scene.collection.children.link(collection)
             pictures = PictureFiles(folder, made, before_names)
             objects = []
+            known: dict[tuple, bpy.types.Material] = {}
+            done: set[bpy.types.Material] = set()
             armatures: dict[bpy.types.Object, bpy.types.Object] = {}
             for low in lows:
-                objects.append(_object(low, made, names, with_tangents=with_tangents))
+                objects.append(_object(low, made, names, known, with_tangents=with_tangents))
                 collection.objects.link(objects[-1].object)
                 _deform(objects[-1], collection, armatures, made, names)
-                objects[-1].notes.extend(_with_maps(objects[-1], pictures, channels))
+                objects[-1].notes.extend(_with_maps(objects[-1], pictures, channels, done))
                 if names_files:
                     _name_textures(objects[-1], pictures)
             context.view_layer.update()
@@ -121,7 +123,14 @@ def _take_name(
     datablock.name = name
 
 
-def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_tangents: bool) -> Staged:
+def _object(
+    low: BakedLow,
+    made: list[bpy.types.ID],
+    names: ExitStack,
+    known: dict[tuple, bpy.types.Material],
+    *,
+    with_tangents: bool,
+) -> Staged:
     tiles, shift = _tiles(low)
     pairs, faces = np.unique(np.stack([low.slots, tiles], axis=1), axis=0, return_inverse=True)
     faces = faces.reshape(-1).astype(np.int32)
@@ -137,8 +146,8 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     obj.matrix_world = Matrix(low.matrix)
     _take_name(obj, low.name, bpy.data.objects, made, names)
     _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
-    for slot, tile in textures:
-        mesh.materials.append(_material(low, slot, tile, made, names))
+    for texture in textures:
+        mesh.materials.append(_material(low, texture, made, names, known))
     notes = list(low.deformation.notes)
     return Staged(low, obj, obj.name, next(iter(uvs.values())), textures, faces[order], order, notes)
 
@@ -237,9 +246,25 @@ def _fill(
             moved.data.foreach_set("vector", np.stack([x, z, -y], axis=1).reshape(-1))
 
 
-def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], names: ExitStack) -> bpy.types.Material:
-    """A temporary copy of the material in a slot, or a new one, with its name. A tile's number is added to the name."""
-    source = low.materials[slot] if slot < len(low.materials) else None
+def _material(
+    low: BakedLow,
+    texture: tuple[int, int],
+    made: list[bpy.types.ID],
+    names: ExitStack,
+    known: dict[tuple, bpy.types.Material],
+) -> bpy.types.Material:
+    """A temporary copy of a material, or a new one, with its name. A tile's number is added to the name.
+
+    texture: as in Staged. known: the copies for other objects, which share them if they have the same maps.
+    """
+    slot, tile = texture
+    source, report = low.materials[slot] if slot < len(low.materials) else None, low.report_of(slot)
+    key = None
+    if source is not None and report is not None:
+        images = tuple(sorted(how["image"] for how in report.maps.values()))
+        key = source, tile, report.image, images, report.uv_layer
+    if key in known:
+        return known[key]
     copy = bpy.data.materials.new(low.name) if source is None else source.copy()
     older_blender.switch_on_nodes(copy)
     made.append(copy)
@@ -247,14 +272,24 @@ def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], nam
     if low.reports[0].settings["udim"]:
         name = f"{name}_{tile}"
     _take_name(copy, name, bpy.data.materials, made, names)
+    if key is not None:
+        known[key] = copy
     return copy
 
 
-def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | None) -> list[str]:
-    """Show the maps of the bake in the materials of a staged object. Returns notes. Raises BakeError."""
+def _with_maps(
+    one: Staged, pictures: PictureFiles, channels: Sequence[str] | None, done: set[bpy.types.Material]
+) -> list[str]:
+    """Show the maps of the bake in the materials of a staged object. Returns notes. Raises BakeError.
+
+    done: the materials that show them already, to which those of the object are added.
+    """
     notes = []
     for number, (slot, tile) in enumerate(one.textures):
-        report = one.baked.report_of(slot)
+        report, material = one.baked.report_of(slot), one.object.data.materials[number]
+        if material in done:
+            continue
+        done.add(material)
         if report is None:
             notes.append(
                 f"The material slot {slot + 1} of {one.baked.name!r} has no maps: bake its texture set as well."
