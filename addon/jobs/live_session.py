@@ -2,6 +2,7 @@
 """Live's maps, which are drawn again when their objects change. Only objects that changed are read and uploaded again."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 
 import bpy
@@ -33,7 +34,7 @@ from ..passes.mesh_upload import UploadCache
 from ..scene import evaluation, mesh_reader, object_checks, reading
 from ..scene.materials.material_reading import CUT_OUTS, read_materials
 from ..scene.textures import ImageTextures
-from . import bake_jobs, shared_image
+from . import bake_jobs, shared_image, state_pieces
 from .baked import Baked
 from .job import Job, Request, check_clashes, check_job, files_kept, set_numbers
 
@@ -125,7 +126,8 @@ class Session:
             mask=False,
             exact_materials=ExactMaterials.OFF,  # Cycles would take seconds after each stroke
         )
-        settings = bake_jobs.for_low(bake_jobs.beside_materials(settings, job), job.low.name)
+        self._unnamed = bake_jobs.beside_materials(settings, job)
+        settings = bake_jobs.for_low(self._unnamed, job.low.name)
         self._all_settings = settings
         self.settings = settings.without_other_maps()
         self.others = LiveMaps(settings)
@@ -417,10 +419,11 @@ class Session:
             stacked = check_stacked(hidden, own, self.settings, numbers)
             length = reading.lengths_of(context.scene)
             findings = audit(self.plan, tally, self.settings, drawing.ray_cast, length=length, stacked=stacked)
-        request = Request(self.job, self._stored_settings)
-        timings, warnings = self._timings, self._warnings()
-        baked = Baked(request, drawing.plan, findings, timings, warnings, stored, stored.warnings)
-        return Report.of(baked)
+        unnamed = self._unnamed if self.others.drawn else self._unnamed.without_other_maps()
+        request = Request(self.job, self._stored_settings, unnamed=unnamed)
+        baked = Baked(request, drawing.plan, findings, self._timings, self._warnings())
+        baked = replace(baked, state=state_pieces.of_read(request, self._as_read))
+        return Report.of(baked.stored_as(stored, stored.warnings))
 
     def _warnings(self) -> list[Sentence]:
         """Those about the objects, as a bake has them."""

@@ -2,7 +2,9 @@
 """Loads the pixels of images as Blender's Image Texture node shows them or as their files store them, one image at a time."""
 
 import io
+import os
 import struct
+import time
 import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -327,6 +329,28 @@ def size_of(image: Image, tile: int = SINGLE) -> tuple[int, int]:
         return tuple(single.size)
 
 
+_STARTED = time.time_ns()
+"""Files that have not changed since then are as Blender has loaded them."""
+_stamps: dict[int, tuple[int, ...]] = {}
+"""Of the files of images that are loaded, by session_uid: what changes with them."""
+
+
+def _reload_if_outdated(image: Image) -> None:
+    """Load an image again if another program has written its file since: a viewport may show it, and keep it loaded."""
+    if image.source != "FILE" or image.packed_file or image.is_dirty:
+        return
+    try:
+        state = os.stat(location(image, SINGLE))
+    except (OSError, ValueError):  # missing: what is loaded is all that there is
+        return
+    stamp = state.st_mtime_ns, state.st_size, state.st_ino
+    is_same = _stamps.get(image.session_uid) == stamp
+    is_old = image.session_uid not in _stamps and state.st_mtime_ns < _STARTED
+    _stamps[image.session_uid] = stamp
+    if not (is_same or is_old):
+        image.reload()
+
+
 @contextmanager
 def _loaded(image: Image, tile: int) -> Iterator[Image]:
     """An image with the pixels of one tile. What this loads is freed at the end."""
@@ -335,6 +359,8 @@ def _loaded(image: Image, tile: int) -> Iterator[Image]:
             yield copy
         return
     was_loaded = image.has_data
+    if was_loaded:
+        _reload_if_outdated(image)
     try:
         yield image
     finally:

@@ -315,7 +315,6 @@ def remember(reports: Sequence[Report]) -> None:
             own[0].distances,
         )
         keep_reports(low, own, now)
-        part_state.keep(low, [report.state for report in own if report.state is not None])
         keep_failure(low, "")
 
 
@@ -323,6 +322,7 @@ def keep_reports(low: bpy.types.Object, reports: Sequence[Report], now: str = ""
     """Keep reports as the last result of a low object. now: the time, which all have that were baked together."""
     low.imprint.result = json.dumps([report.to_dict() for report in reports])
     low.imprint.baked = now or datetime.now(UTC).isoformat(timespec="microseconds")
+    part_state.keep(low, [report.state for report in reports if report.state is not None])
 
 
 @journal.recorded

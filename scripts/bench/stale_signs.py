@@ -13,6 +13,7 @@ import contextlib
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -28,19 +29,32 @@ STEPS = 10
 """Edits of one part, each after the other."""
 
 
-def run(count: int, seed: int, kinds: list[str], edits: list[str], folder: Path):
-    """Judges of so many edits."""
+def run(
+    count: int,
+    seed: int,
+    folder: Path,
+    *,
+    kinds: Sequence[str] = (),
+    edits: Sequence[str] = (),
+    ways: Sequence[str] = ("at once",),
+):
+    """Judges of so many edits. kinds, edits, ways: some of those of part_edits; empty for all."""
+    kinds, edits, ways = (
+        list(some or every)
+        for some, every in ((kinds, part_edits.KINDS), (edits, part_edits.EDITS), (ways, part_edits.WAYS))
+    )
     rng, empty, number = np.random.default_rng(seed), str(folder / "empty.blend"), 0
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.wm.save_as_mainfile(filepath=empty, copy=True)
     while number < count:
         kind = kinds[rng.integers(len(kinds))]
         part_edits.new_file(empty)
-        part = part_edits.make(kind, folder / f"part{number}", int(rng.integers(1 << 30)))
+        part = part_edits.make(kind, folder / f"part{number}", int(rng.integers(1 << 30)), empty)
         maps = part.bake()
         for _ in range(STEPS):
+            way = ways[rng.integers(len(ways))]
             edit = edits[rng.integers(len(edits))]
-            judged, maps = part_edits.judge(part, edit, rng, maps)
+            judged, maps = part_edits.judge(part, edit, rng, maps, way)
             if judged is not None:
                 number += 1
                 yield judged
@@ -54,19 +68,18 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", action="append")
     parser.add_argument("--edit", action="append")
+    parser.add_argument(
+        "--way", action="append", help="what happens between an edit and the look, as save; ALL for all"
+    )
     parser.add_argument("--all", action="store_true", help="print all, not only those that are wrong")
     options = parser.parse_args()
     gpu.init()
     addon.register()
     counts: Counter = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        for judged in run(
-            options.edits,
-            options.seed,
-            options.kind or list(part_edits.KINDS),
-            options.edit or list(part_edits.EDITS),
-            Path(folder),
-        ):
+        ways = () if options.way == ["ALL"] else options.way or ["at once"]
+        chosen = {"kinds": options.kind or (), "edits": options.edit or (), "ways": ways}
+        for judged in run(options.edits, options.seed, Path(folder), **chosen):
             counts[judged.edit, judged.is_stale] += 1
             counts["missed"] += judged.is_missed
             counts["alarms"] += judged.is_alarm

@@ -5,9 +5,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.progress import finish
+from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, part_state
+from addon.jobs.live_session import Session
 from addon.jobs.part_state import State, Status
 from addon.ui import object_pairs
 from scripts.bench import stale_signs
@@ -76,7 +77,7 @@ def test_signs_agree_with_fresh_bakes(kind, tmp_path):
 
 @pytest.mark.slow
 def test_500_edits(tmp_path, empty_file):
-    judged = list(stale_signs.run(500, 7, list(part_edits.KINDS), list(part_edits.EDITS), tmp_path))
+    judged = list(stale_signs.run(500, 7, tmp_path))
     assert not [one for one in judged if one.is_missed]
     alarms, true = ([one for one in judged if one.is_alarm], [one for one in judged if not one.is_stale])
     assert len(alarms) <= 0.02 * len(true), alarms
@@ -140,3 +141,31 @@ def test_a_shared_image_stays_true_when_others_are_baked():
     image = first.low.imprint.maps[0].image
     image.pixels[0] = 0.77
     assert signs() == [[f"the image {image.name!r} was edited"]] * 2
+
+
+def test_maps_of_live_are_true():
+    job, settings = pair(), Settings(**SAME)
+    session = Session(bpy.context, job, settings, Pace())
+    session.run(bpy.context)
+    report = session.report(bpy.context, session.commit())
+    object_pairs.remember([report])
+    assert found(job, settings) == []
+    job.highs[0].data.vertices[40].co.z += 0.1
+    assert found(job, settings) == ["the mesh of 'brick_high'"]
+
+
+@pytest.mark.parametrize("is_loaded", [False, True])
+def test_a_texture_that_another_program_writes(is_loaded, tmp_path):
+    """A bake shows the new file also where a viewport has loaded the old one."""
+    part = part_edits.make("shape keys", tmp_path, 1)
+    image = bpy.data.images[part.texture.name]
+    before = part.bake()
+    for seed, is_new in ((2, True), (2, False), (3, True)):
+        assert not is_loaded or image.pixels[0] >= 0.0
+        assert image.has_data == is_loaded
+        part_edits.write_texture(part.texture, seed)
+        assert part.changes() == (["the material 'bricks'"] if is_new else [])
+        after = part.bake()
+        assert part_edits.is_same(before, after) != is_new
+        assert part.changes() == []
+        before = after

@@ -28,21 +28,23 @@ class Part:
 
     Attributes:
         folder: Of its textures.
-        texture: The file of the image that its high object shows.
+        empty: The path of an empty file.
     """
 
     kind: str
     folder: Path
+    empty: str = ""
     settings: Settings = field(default_factory=lambda: Settings(**SMALL))
-    names: dict[str, str] = field(default_factory=dict)
 
     @property
     def texture(self) -> Path:
+        """The file of the image that its high object shows."""
         return self.folder / "bricks.png"
 
     def object(self, role: str) -> bpy.types.Object:
         """The object of a role, LOW or HIGH, whatever it is called."""
-        return next(obj for obj in bpy.data.objects if obj.get("role") == role and obj.library is None)
+        found = [obj for obj in bpy.data.objects if obj.get("role") == role]
+        return min(found, key=lambda obj: obj.library is not None)
 
     @property
     def job(self) -> Job:
@@ -93,10 +95,10 @@ def write_texture(path: Path, seed: int) -> None:
     bpy.data.images.remove(image)
 
 
-def make(kind: str, folder: Path, seed: int) -> Part:
+def make(kind: str, folder: Path, seed: int, empty: str = "") -> Part:
     """A part of a kind in the open file, which is empty."""
     folder.mkdir(parents=True, exist_ok=True)
-    part = Part(kind, folder)
+    part = Part(kind, folder, empty)
     write_texture(part.texture, seed)
     low = zoo.terrain(LOW, 3, height=0.05)
     scenes.move_uvs(low, (0.8, 0.8), (0.1, 0.1))
@@ -221,6 +223,7 @@ def _noise(part: Part) -> bpy.types.Object:
 
 def _override(part: Part) -> bpy.types.Object:
     high = _with_modifiers(part)
+    high["role"] = HIGH
     path = str(part.folder / "library.blend")
     bpy.data.libraries.write(path, {high})
     bpy.data.batch_remove([high, *bpy.data.materials, *bpy.data.textures, *bpy.data.images])
@@ -252,6 +255,8 @@ def _any(rng, items):
 
 def _mesh(part: Part, rng) -> str:
     obj = _any(rng, [obj for obj in bpy.data.objects if obj.data is not None and obj.data.library is None])
+    if obj is None:
+        return ""
     data = obj.data
     if isinstance(data, bpy.types.TextCurve):
         data.body = _any(rng, ("AB", "AC", "X", "AB"))
@@ -525,7 +530,12 @@ def _unit(part: Part, rng) -> str:
 
 
 def _nothing(part: Part, rng) -> str:
-    match rng.integers(5):
+    match rng.integers(6):
+        case 5:
+            for image in bpy.data.images:
+                len(image.pixels)
+                image.update()
+            return "images loaded"
         case 0:
             bpy.context.scene.frame_set(int(rng.integers(1, 50)))
             return "frame"
@@ -559,6 +569,58 @@ EDITS: dict[str, Callable] = {
 }
 
 
+# What happens between an edit and the look
+
+
+def _save(part: Part) -> str:
+    return scenes.save(
+        part.folder / f"part{len(list(part.folder.iterdir()))}.blend"
+    )  # libraries are not to be overwritten
+
+
+def _reopened(part: Part) -> None:
+    bpy.ops.wm.open_mainfile(filepath=_save(part))
+
+
+def _appended(part: Part, *, link: bool = False) -> None:
+    objects = [part.object(role) for role in (LOW, HIGH)]
+    if any(obj.library for obj in objects):
+        return
+    names, path = [obj.name for obj in objects], _save(part)
+    new_file(part.empty)
+    with bpy.data.libraries.load(path, link=link) as (_, here):
+        here.objects = names
+    for obj in here.objects:
+        scenes.link(obj)
+
+
+def _overridden(part: Part) -> None:
+    if any(part.object(role).override_library for role in (LOW, HIGH)):
+        return
+    _appended(part, link=True)
+    part.object(LOW).override_create(remap_local_usages=True)
+
+
+def _undone(_part: Part) -> None:
+    bpy.ops.ed.undo_push(message="after")
+    bpy.ops.ed.undo()
+
+
+def _redone(part: Part) -> None:
+    _undone(part)
+    bpy.ops.ed.redo()
+
+
+WAYS: dict[str, Callable[[Part], None]] = {
+    "at once": lambda _part: None,
+    "saved and opened": _reopened,
+    "appended": _appended,
+    "overridden": _overridden,
+    "undone": _undone,
+    "redone": _redone,
+}
+
+
 @dataclass(frozen=True)
 class Judged:
     """An edit, whether the maps are stale then, and what the sign said."""
@@ -580,17 +642,21 @@ class Judged:
         return not self.is_stale and bool(self.clauses)
 
 
-def judge(part: Part, edit: str, rng, before: list[np.ndarray], between: Callable[[], None] = lambda: None):
-    """Edit a part, look at it, and bake it anew. between: what happens between the edit and the look, as saving.
+def judge(part: Part, edit: str, rng, before: list[np.ndarray], way: str = "at once"):
+    """Edit a part, look at it, and bake it anew. way: what happens between the edit and the look.
 
     Returns what came of it, and the new maps; None if the part has nothing to edit like that, or cannot be baked any more.
     """
     settings = part.settings
+    if way in {"undone", "redone"}:
+        bpy.ops.ed.undo_push(message="before")
     did = EDITS[edit](part, rng)
     if not did:
         return None, before
     bpy.context.view_layer.update()
-    between()
+    WAYS[way](part)
+    did += f", {way}"
+    bpy.context.view_layer.update()
     clauses = part.changes()
     try:
         after = part.bake()
