@@ -59,7 +59,7 @@ LONGEST_END = 2.0
 MOST_KEPT = 1 << 30
 """The most bytes of packed maps that are kept to put them back after Undo."""
 STROKES = ("SCULPT_OT", "PAINT_OT", "TRANSFORM_OT", "GREASE_PENCIL_OT", "MESH_OT", "CURVES_OT", "SCULPT_CURVES_OT")
-"""Modal operators of Blender during which nothing changes the file."""
+"""Modal operators of Blender, during which nothing changes their object."""
 
 
 class Stage(StrEnum):
@@ -186,7 +186,11 @@ class BakeProcess(Process):
     """The process that bakes."""
 
     def __init__(self, messages: SimpleQueue, run: Run):
-        self.run, self.folders, self.gone_at = run, [], 0.0
+        self.run, self.gone_at = run, 0.0
+        self.done: float = 0.0
+        """The finished share of its set."""
+        self.folders: list[str] = []
+        """In which it has temporary files."""
         super().__init__(messages)
 
     def _command(self, number: int) -> tuple[Sequence[str], dict[str, str]]:
@@ -197,7 +201,11 @@ class BakeProcess(Process):
         return super()._popen(words, process_group=0, **given)  # Ctrl-C in a terminal is for the window
 
     def _next(self) -> Any:
-        return self._connection.recv()
+        received = self._connection.recv()
+        while received[0] == "share":  # nothing answers that, so that it costs the process no time
+            _, self.done, self.folders = received
+            received = self._connection.recv()
+        return received
 
 
 class Queue:
@@ -312,11 +320,6 @@ class Queue:
             case ["opened"]:
                 process.run.has_opened = True
                 self._next_set()
-            case ["share", done, _, folders]:
-                process.folders = folders
-                for item in self._baking():
-                    item.done = done
-                process.answer()
             case ["made", calls, reports]:
                 self._made = Made(calls, reports, process.run, time.monotonic())
                 self._arrive()
@@ -338,7 +341,7 @@ class Queue:
         process = self._process
         mine = [each for each in self._waiting() if each.run is process.run]
         if mine:
-            mine[0].state = Stage.BAKING
+            mine[0].state, process.done = Stage.BAKING, 0.0
             process.answer(["set", mine[0].name, mine[0].changed])
         else:
             self._dismiss()
@@ -357,6 +360,8 @@ class Queue:
     def _check(self) -> None:
         """Look whether the process has ended, or should have."""
         process, now = self._process, time.monotonic()
+        for item in self._baking() if process is not None else ():
+            item.done = process.done
         for each, until in tuple(self._leaving):
             if each.has_ended or now > until:
                 self._leaving.remove((each, until))
@@ -612,8 +617,15 @@ def _must_wait(made: Made) -> bool:
     has_values = any(name == "vertex_attributes.put_values" for name, _, _ in made.calls)
     if has_values and any(low.mode == "EDIT" for low in lows):
         return True
-    modal = [each.bl_idname for window in bpy.context.window_manager.windows for each in window.modal_operators]
-    return any(name.startswith(STROKES) for name in modal)
+    return any(obj == low or obj.data == low.data for obj in _in_strokes() for low in lows)
+
+
+def _in_strokes() -> Iterator[bpy.types.Object]:
+    """The objects that a stroke or a drag changes now."""
+    for window in bpy.context.window_manager.windows:
+        active = window.view_layer.objects.active
+        if active is not None and any(each.bl_idname.startswith(STROKES) for each in window.modal_operators):
+            yield active
 
 
 def _put(made: Made, *, again: bool = False) -> None:

@@ -8,6 +8,7 @@ is a word: "ready", "opened", then for each set "share", "made" and "ended". The
 
 import faulthandler
 import os
+import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -34,6 +35,8 @@ if os.name == "nt":
     from multiprocessing.connection import PipeConnection
 
 FAILURE = "object_pairs.keep_failure"
+SHARE_EVERY = 0.1
+"""Seconds between two messages about how far a set is."""
 SLICE = 0.25
 """Seconds of work between two looks at what the window has sent."""
 
@@ -83,12 +86,22 @@ class _Window:
         number = int(os.environ.pop(CONNECTION))
         self._connection = PipeConnection(number) if os.name == "nt" else Connection(number)
         self._is_paused = self._is_canceled = False
+        self._next = 0.0
+        """When it is told again how far the set is, by time.monotonic."""
+        self._folders: list[str] = []
 
     def send(self, *message: Any) -> None:
         try:
             self._connection.send(list(message))
         except OSError as error:
             raise _Gone from error
+
+    def share(self, done: float) -> None:
+        """Tell how far the set is, unless that was told just now, and in which folders there are temporary files."""
+        now, folders = time.monotonic(), list(map(str, atomic_file.folders()))
+        if now > self._next or folders != self._folders:
+            self._next, self._folders = now + SHARE_EVERY, folders
+            self.send("share", done, folders)
 
     def ask(self, *message: Any) -> Any:
         """Send a message, and return its answer."""
@@ -204,7 +217,7 @@ def _bake(
     try:
         while True:
             step: Progress = next(baking)
-            window.send("share", step.done, step.what, list(map(str, atomic_file.folders())))
+            window.share(step.done)
             if step.report:
                 made.append(step.report)
                 continue  # the reports of a shared image follow each other

@@ -358,3 +358,73 @@ def test_undo_does_not_take_results(file, tmp_path):
     bpy.ops.ed.redo()
     assert kept(tmp_path / "there")[1] == before[1]
     assert bpy.data.objects["rope_low"].imprint.baked >= baked
+
+
+MOMENTS = 30
+LOWS = ("crate_low", "lid_low", "lock_low", "rope_low")
+
+
+def whole(folder):
+    """The files and the pixels of images that bakes have left, of which none may be half there."""
+    files = {each.name: each.read_bytes() for each in (folder / "maps").glob("*")} if (folder / "maps").exists() else {}
+    images = {}
+    for image in bpy.data.images:
+        texels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(texels)
+        images[image.name] = texels.tobytes()
+    return files, images
+
+
+def kill(_path):
+    for number in processes():
+        os.kill(number, signal.SIGKILL)
+
+
+def fill_disk(path):
+    """No file of the process can grow beyond some bytes."""
+    resource = pytest.importorskip("resource")
+    for number in processes():
+        resource.prlimit(number, resource.RLIMIT_FSIZE, (path.stat().st_size % 997, resource.RLIM_INFINITY))
+
+
+def close(path):
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes of Linux")
+@pytest.mark.parametrize(
+    "moments",
+    [range(3), pytest.param(range(3, MOMENTS), marks=pytest.mark.slow)],
+    ids=["three", "others"],
+)
+def test_nothing_is_half_there_whenever_it_ends(file, tmp_path, moments):
+    folder = opened(file, tmp_path / "first")
+    add()
+    began = time.monotonic()
+    wait()
+    seconds = time.monotonic() - began
+    expected = whole(folder)
+    for moment in moments:
+        chance = np.random.default_rng(moment)
+        folder = opened(file, tmp_path / str(moment))
+        add()
+        numbers, end = set(), time.monotonic() + chance.uniform(0.0, seconds)
+        wait(lambda numbers=numbers, end=end: numbers.update(processes()) or time.monotonic() > end)
+        (kill, fill_disk, close)[moment % 3](folder / file.name)
+        wait()
+        files, images = whole(folder)
+        assert files.items() <= expected[0].items(), moment
+        assert images.items() <= expected[1].items(), moment
+        found = changed()
+        assert set(map(str, found.values())) <= {"None", "[]"}, moment
+        done = {name for name, (state, _) in states().items() if state is Stage.DONE}
+        of_sets = {"Files": LOWS[:1], "Packed": LOWS[1:3], "Memory": LOWS[3:]}
+        assert all(found[low] == [] for name in done for low in of_sets[name]), moment
+        assert found["lid_low"] == found["lock_low"], moment
+        assert not list(folder.rglob(".imprint*")), moment
+        assert not any(map(is_running, numbers - set(processes()))), moment
+        add()
+        wait()
+        assert set(states().values()) == {(Stage.DONE, "")}, moment
+        assert whole(folder) == expected, moment
+        assert changed() == dict.fromkeys(LOWS, []), moment

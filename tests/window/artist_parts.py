@@ -7,6 +7,7 @@ import json
 import math
 import os
 import sys
+import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +22,7 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 
 import addon  # noqa: E402
 from addon.core.declarations import targets  # noqa: E402
-from addon.ui import declared_properties, modal, object_pairs  # noqa: E402
+from addon.ui import bake_queue, declared_properties, modal, object_pairs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
@@ -34,6 +35,8 @@ from tests.window import live_strokes  # noqa: E402
 PART, FOLDER = sys.argv[sys.argv.index("--") + 1], Path(sys.argv[sys.argv.index("--") + 2])
 PATIENCE = 60.0
 """Seconds to wait for a bake."""
+SETS = 40
+"""In the queue."""
 Steps = Iterator[float]
 wrong: list[str] = []
 """What is not as promised."""
@@ -392,6 +395,62 @@ def part_live() -> Steps:
     yield from until(lambda: not live.is_on)
     check("the map stays", contents()["crate_low_normal"] == stroke)
     yield from saved_by_key()
+
+
+def part_queue() -> Steps:
+    """Forty sets are baked in the queue while strokes are drawn; results are in files and images, and no stroke waits."""
+    small(maps={"AO"}, storage="PACK", rays=64)
+    for number in range(SETS):
+        name = f"part_{number:02}"
+        place = 4.0 * (number % 8), 4.0 * (number // 8)
+        for end, cuts, height in (("low", 6, 0.0), ("high", 40, 0.1)):
+            made = grid(f"{name}_{end}", cuts, height=height)
+            made.location.xy = place
+        one = bpy.context.scene.imprint_sets.add()
+        one.name = name
+        one.parts.add().object = bpy.data.objects[f"{name}_low"]
+        if number % 2:
+            one.own.storage, one.own.output = "FILE", "//maps/{low}.png"
+    clay = grid("clay", 300, x=-6.0)
+    folder = FOLDER / "queued"
+    folder.mkdir(exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    window.select_only(clay)
+    with window.at_view():
+        bpy.ops.view3d.view_axis(type="TOP")
+        bpy.ops.view3d.view_selected()
+        bpy.ops.object.mode_set(mode="SCULPT")
+    yield 1.5
+    with window.at_view():
+        bpy.ops.imprint.queue_add("INVOKE_DEFAULT", all=True)
+    picture("begun")
+    strokes, moved, began = 0, 0, time.monotonic()
+    while any(item.is_open for item in bake_queue.queue.items) and time.monotonic() - began < 20 * PATIENCE:
+        before = live_strokes.points(clay)
+        yield from live_strokes.stroke(8, offset=10 * (strokes % 8))
+        strokes += 1
+        moved += bool((live_strokes.points(clay) != before).any())
+        if strokes == 3:
+            picture("baking")
+    queue = bake_queue.queue
+    print(
+        f"  {strokes} strokes in {time.monotonic() - began:.0f} s; the copy took {1e3 * queue.saving:.0f} ms, the longest"
+    )
+    print(f"  wait of the window after that {1e3 * queue.longest:.1f} ms")
+    failed = [(item.name, item.sentence) for item in queue.items if item.state != "DONE"]
+    print(*failed, sep="\n", flush=True)
+    check("all sets are baked", len(queue.items) == SETS and not failed)
+    check("each stroke moved the mesh", moved == strokes)
+    check("no wait of more than 50 ms", queue.longest < 0.05)
+    check("images", sum(name.endswith("_ao") for name in mine()) == SETS)
+    check(
+        "files", len(list((folder / "maps").glob("*.png"))) == SETS
+    )  # a normal map and another one of each second set
+    check("still in Sculpt Mode", clay.mode == "SCULPT")
+    check("no other file", sorted(each.name for each in folder.iterdir()) == ["maps", "scene.blend"])
+    with window.at_view():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.ops.wm.save_mainfile()
 
 
 def part_after_live() -> Steps:
