@@ -42,7 +42,7 @@ from .live import live
 from .modal import QuickOperator
 from .progress_display import display
 from .queue_process import Setup
-from .texts import label, labeled, message, tooltip
+from .texts import draw_paragraphs, label, labeled, message, tooltip
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = (
@@ -58,6 +58,8 @@ LONGEST_END = 2.0
 """Seconds for a process to end that has closed its connection."""
 MOST_KEPT = 1 << 30
 """The most bytes of packed maps that are kept to put them back after Undo."""
+MOST_SHOWN = 3
+"""The most sets that wait in the panel."""
 STROKES = ("SCULPT_OT", "PAINT_OT", "TRANSFORM_OT", "GREASE_PENCIL_OT", "MESH_OT", "CURVES_OT", "SCULPT_CURVES_OT")
 """Modal operators of Blender, during which nothing changes their object."""
 
@@ -662,22 +664,35 @@ def _moved(calls: list[list], setup: Setup) -> list[list]:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Show the sets of the context's scene that are in the queue."""
+    """Show how far the queue is with the sets of the context's scene: what is baked, what went wrong, what comes next."""
     items = [each for each in queue.items if each.scene_uid == context.scene.session_uid]
     if not items:
         return
-    column = layout.column(align=True)
-    for item in items:
-        row = column.row(align=True)
-        line = f"{item.name}: {item.text}"
-        row.label(text=line, translate=False, icon=ICONS[item.state])
-        if item.is_open:
-            row.operator("imprint.queue_cancel", text="", icon="X", emboss=False).name = item.name
     row = layout.row(align=True)
+    counts = message("Queue: {} of {} done").format(sum(not each.is_open for each in items), len(items))
+    row.label(text=counts, translate=False, icon="TIME")
     if any(each.is_open for each in items):
-        icon = "PLAY" if queue.is_paused else "PAUSE"
-        row.operator("imprint.queue_pause", text=label("Go On") if queue.is_paused else label("Pause"), icon=icon)
-    row.operator("imprint.queue_cancel", text=label("Clear"), icon="TRASH").name = ""
+        row.operator("imprint.queue_pause", text="", icon="PLAY" if queue.is_paused else "PAUSE")
+    row.operator("imprint.queue_cancel", text="", icon="TRASH").name = ""
+    column = layout.column(align=True)
+    for item in [each for each in items if each.state is not Stage.WAITING and (each.is_open or each.sentence)]:
+        _draw_item(column, context, item)
+    waiting = [each for each in items if each.state is Stage.WAITING]
+    for item in waiting[:MOST_SHOWN]:
+        _draw_item(column, context, item)
+    if waiting[MOST_SHOWN:]:
+        more = message("{} more").format(len(waiting) - MOST_SHOWN)
+        column.label(text=more, translate=False, icon="BLANK1")
+
+
+def _draw_item(layout: bpy.types.UILayout, context: bpy.types.Context, item: Item) -> None:
+    line = f"{item.name}: {item.text}"
+    if not item.is_open:
+        draw_paragraphs(layout, context, [line], ICONS[item.state])
+        return
+    row = layout.row(align=True)
+    row.label(text=line, translate=False, icon=ICONS[item.state])
+    row.operator("imprint.queue_cancel", text="", icon="X", emboss=False).name = item.name
 
 
 class IMPRINT_OT_queue_add(QuickOperator, bpy.types.Operator):
