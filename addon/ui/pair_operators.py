@@ -47,6 +47,9 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         "Pack the selected objects that are baked each for itself, and not the low objects of a set or of pairs",
         options={"SKIP_SAVE"},
     )
+    anew: labeled(
+        BoolProperty, "Anew", "Pack all of them again, also those that have a place already", options={"SKIP_SAVE"}
+    )
 
     def apply(self, context: bpy.types.Context) -> str:
         panel, one = context.scene.imprint, sets.active(context)
@@ -54,13 +57,17 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         if self.selected:
             lows = [chosen.low for chosen in panel.all_chosen(context, is_each=True) if chosen.low]
         elif one is not None:
-            lows, settings = [low for low in sets.lows(context, one) if low.imprint_is_baked], one.settings
+            lows, settings = sets.lows(context, one), one.settings
         else:
             jobs, _ = jobs_by_name(context, panel.suffixes())
-            lows = [job.low for job in jobs if job.low.imprint_is_baked]
-        if not lows:
+            lows = [job.low for job in jobs]
+        on = [low for low in lows if self.selected or low.imprint_is_baked]
+        if not on:
             raise BakeError("No low object is switched on: switch on those to pack.")
-        return atlas.pack(lows, settings)
+        staying = [low for low in lows if low not in on and atlas.LAYER in low.data.uv_layers]
+        coming = [low for low in on if self.anew or atlas.LAYER not in low.data.uv_layers]
+        only = coming if staying else None  # those that are off keep their places
+        return atlas.pack([*on, *staying], settings, only=only, is_anew=self.anew and not staying)
 
 
 class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):

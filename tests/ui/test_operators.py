@@ -11,6 +11,7 @@ from addon import flamenco
 from addon.core import map_types, naming, progress
 from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
+from addon.scene import mesh_reader
 from addon.ui import bake_panel, pair_operators, preferences, properties, sets_panel
 from addon.ui.bake_results import results
 from addon.ui.live import live
@@ -731,6 +732,30 @@ def test_uv_maps_are_packed_where_pairs_share_an_image():
         low.imprint_is_baked = False
     with pytest.raises(RuntimeError, match="No low object is switched on"):
         bpy.ops.imprint.pack_uvs()
+
+
+def test_what_is_off_keeps_its_place_in_the_packed_map():
+    """Also if the others are packed anew; with nothing off, all are."""
+    lows = [zoo.plane(f"{name}_low") for name in "abc"]
+    for low in lows:
+        zoo.terrain(low.name.replace("low", "high"), 4)
+    lows[2].imprint_is_baked = False
+    bpy.ops.imprint.pack_uvs()
+    lows[1].scale = lows[2].scale = (0.3, 0.3, 0.3)
+    bpy.context.view_layer.update()
+    places = [mesh_reader.uvs(low.data, "Atlas") for low in lows[:2]]
+    lows[0].imprint_is_baked, lows[2].imprint_is_baked = False, True
+    lows[1].imprint_is_baked = False
+    bpy.ops.imprint.pack_uvs()
+    assert all(np.array_equal(mesh_reader.uvs(low.data, "Atlas"), uv) for low, uv in zip(lows[:2], places, strict=True))
+    assert np.ptp(mesh_reader.uvs(lows[2].data, "Atlas"), axis=0).max() < 0.5
+    lows[1].imprint_is_baked = True
+    bpy.ops.imprint.pack_uvs(anew=True)
+    assert np.array_equal(mesh_reader.uvs(lows[0].data, "Atlas"), places[0])
+    assert not np.array_equal(mesh_reader.uvs(lows[1].data, "Atlas"), places[1])
+    lows[0].imprint_is_baked = True
+    bpy.ops.imprint.pack_uvs(anew=True)
+    assert not np.array_equal(mesh_reader.uvs(lows[0].data, "Atlas"), places[0])
 
 
 def test_without_an_address_there_is_no_button():
