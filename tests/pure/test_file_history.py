@@ -14,7 +14,7 @@ from addon.output import atomic_file, file_history
 from addon.output.atomic_file import all_or_none, replacing
 from addon.output.file_history import FileHistory
 
-_seconds = itertools.count(1_000_000_000)
+_seconds = itertools.count(1_000_000_001, 4)
 
 
 def write(path, text):
@@ -241,6 +241,22 @@ def test_copies_have_a_limit_of_their_own(session, monkeypatch):
     session.step(a="1" * 10)
     session.step(a="2")
     assert session.go_to(1).not_kept == [session.folder / "a"]
+
+
+def test_a_copy_on_a_file_system_that_rounds_times_is_known(session, monkeypatch):
+    monkeypatch.setattr(os, "link", no_links)
+    copy = shutil.copy2
+
+    def rounded(path, other):
+        copy(path, other)
+        os.utime(other, (0, os.stat(path).st_mtime // 2 * 2))
+
+    monkeypatch.setattr(shutil, "copy2", rounded)
+    for number in range(3):
+        session.step(a=f"{number}")
+    for number in (2, 1, 2, 3, 1):
+        assert session.go_to(number).sentences == []
+        assert session.is_right()
 
 
 def full(*_):

@@ -180,12 +180,30 @@ def test_a_scene_that_is_deleted_takes_no_file_along(folder):
 def test_a_packed_image_keeps_its_own_content(folder):
     tilt(1.0)
     bpy.data.images["lo_normal"].pack()
-    bpy.ops.ed.undo_push(message="packed")
     images = shown()
+    tilt(0.25)
+    painted = contents(folder)["lo.png"]
+    bpy.ops.ed.undo()
+    (folder / "lo.png").write_bytes(painted)
     tilt(0.5)
     bpy.ops.ed.undo()
+    assert contents(folder) == {"lo.png": painted}
     assert shown() == images
     assert bpy.data.images["lo_normal"].packed_files
+
+
+def test_each_image_of_a_file_shows_what_is_in_it(folder):
+    tilt(1.0)
+    other = bpy.data.images.load(str(folder / "lo.png"), check_existing=False)
+    other.use_fake_user = True
+    first = maps.pixels(other)
+    bpy.ops.ed.undo_push(message="loaded")
+    tilt(0.5)
+    other = bpy.data.images["lo.png"]
+    other.reload()
+    assert not np.array_equal(maps.pixels(other), first)
+    bpy.ops.ed.undo()
+    np.testing.assert_array_equal(maps.pixels(bpy.data.images["lo.png"]), first)
 
 
 def test_a_bake_that_fails_leaves_the_redo_steps(folder):
@@ -198,17 +216,28 @@ def test_a_bake_that_fails_leaves_the_redo_steps(folder):
     assert contents(folder) == files
 
 
+class UndoneButton(Button):
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+
 @pytest.mark.usefixtures("tiny")
 def test_a_bake_by_the_button_is_a_step_and_esc_ends_it(folder):
     bpy.context.scene.imprint.show_result = False
-    button = Button(bake_operators.IMPRINT_OT_bake)
+    button = UndoneButton(bake_operators.IMPRINT_OT_bake)
     button.press()
     assert button.run() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="baked")
+    files = contents(folder)
+    bpy.ops.ed.undo()
+    assert contents(folder) == {}
+    bpy.ops.ed.redo()
+    assert contents(folder) == files
     tilt(0.5)
     bpy.ops.ed.undo()
-    files = contents(folder)
-    button = Button(bake_operators.IMPRINT_OT_bake)
+    bpy.ops.ed.undo()
+    assert contents(folder) == files
+    bpy.ops.ed.redo()
+    button = UndoneButton(bake_operators.IMPRINT_OT_bake)
     button.press()
     button.event()
     assert button.event("ESC") == {"CANCELLED"}
