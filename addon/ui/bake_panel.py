@@ -371,8 +371,9 @@ def _draw_settings(layout: bpy.types.UILayout, rows: Rows) -> None:
     column = split_layout(layout.column())
     column.enabled = display.current is None
     row = column.row(align=True)
-    rows.prop(row, "engine")
+    row.prop(rows.owner("engine"), "engine")
     row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
+    rows.pin(row, "engine")
     draw_size(column, rows)
     rows.prop(column, "samples")
 
@@ -404,7 +405,9 @@ def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str
     buttons.operator("imprint.high_remove", text="", icon="REMOVE")
     layout.prop(settings, "low")
     row = layout.row()
-    row.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+    buttons = row.row(align=True)
+    buttons.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+    buttons.operator("imprint.set_add", text=label("Make Set"), translate=False, icon="ADD")
     row.label(text="", icon=sign)
 
 
@@ -431,15 +434,10 @@ def _draw_plan(
         draw_asset(box, chosen)
         _draw_left_out(box, context, chosen)
         _draw_switch(box, context, chosen)
+        _draw_state(box, context, chosen)
         draw_list(box, context, told)
-        draw_hidden(box, context, chosen.hidden(context))
         box.operator("imprint.look_at_high", icon="VIEWZOOM")
         draw_paragraphs(box, context, findings.look_of(chosen.low, chosen.highs), "BLANK1")
-        if reports := results.all_of(context, chosen.low):
-            row = box.row(align=True)
-            draw_numbers(row, reports, is_told=True)
-            row.operator("imprint.show_map", text="", icon="IMAGE_DATA")
-            row.operator("imprint.export", text="", icon="EXPORT")
 
 
 def _draw_several(
@@ -461,20 +459,17 @@ def _draw_several(
     draw_list(box, context, findings.of_several(context, str([low.session_uid for low in fine]), lambda: fine))
     if reasons and _is_unsaved(first):
         box.operator("wm.save_mainfile", icon="FILE_TICK")
-    if all(several.is_low(low, settings) for low in lows):
-        box.operator("imprint.set_add", text=label("Make a Set of All"), translate=False, icon="ADD")
     box.prop(settings, "share_image")
     if settings.share_image:
         box.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = True
 
 
 def _draw_left_out(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """Which selected objects are left out since they are low ones, too, and a button that makes a set of all."""
+    """Which selected objects are left out since they are low ones, too. Make Set takes all."""
     lows = several.others(context, chosen.panel, chosen.low) if chosen.panel.low is None else []
     if lows:
         text = message("Left out, since a name or a pair calls them low: {}").format(named(low.name for low in lows))
         draw_paragraphs(box, context, [text], ICONS[LOOK])
-        box.operator("imprint.set_add", text=label("Make a Set of All"), translate=False, icon="ADD")
 
 
 def _draw_switch(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
@@ -507,11 +502,27 @@ def draw_asset(layout: bpy.types.UILayout, chosen: Chosen) -> None:
         display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
 
 
-def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:
-    """That high objects are hidden, which a bake reads nevertheless, and a button that shows them."""
+def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
+    """What the last bake has made, and that high objects are hidden, which a bake reads nevertheless. Two rows in any case, so
+    that nothing below moves when a bake is done, which hides the high objects."""
+    reports, hidden = results.all_of(context, chosen.low), chosen.hidden(context)
+    row = layout.row(align=True)
+    if reports:
+        draw_numbers(row, reports, is_told=True)
+    else:
+        row.label(text=message("Never baked"), icon="RADIOBUT_OFF", translate=False)
+    for operator, icon, is_enabled in (
+        ("imprint.show_hidden", "HIDE_ON" if hidden else "HIDE_OFF", bool(hidden)),
+        ("imprint.show_map", "IMAGE_DATA", bool(reports)),
+        ("imprint.export", "EXPORT", bool(reports)),
+    ):
+        part = row.row(align=True)
+        part.enabled = is_enabled
+        part.operator(operator, text="", icon=icon)
     if hidden:
         draw_paragraphs(layout, context, [describe_hidden(hidden)], ICONS[NOTE])
-        layout.operator("imprint.show_hidden", icon="HIDE_OFF")
+    else:
+        layout.label(text="")
 
 
 CLASSES = (

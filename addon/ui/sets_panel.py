@@ -115,12 +115,12 @@ def draw_lists(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Row
         return
     _draw_parts(layout, context, one)
     _draw_part(layout.column(align=True), context, one)
-    row = layout.row(align=True)
-    row.prop(one, "textures", text="")
-    part = row.row(align=True)
+    layout.row(align=True).prop(one, "textures", expand=True)
+    row = layout.row()
+    part = row.row()
     part.enabled = one.textures != "PART"
     part.operator("imprint.pack_uvs", icon="GROUP_UVS")
-    rows.draw_own(layout)
+    rows.draw_own(row)
 
 
 def _draw_parts(layout: bpy.types.UILayout, context: bpy.types.Context, one: ImprintSet) -> None:

@@ -11,7 +11,7 @@ from ..core.settings import Settings
 from . import object_pairs, set_lists, sets
 from .declared_properties import length_name
 from .properties import Chosen
-from .texts import label, message
+from .texts import message
 
 PIN = {True: "PINNED", False: "UNPINNED"}
 OF_PAIRS = (*object_pairs.CHOSEN, "cage")
@@ -93,11 +93,9 @@ class Rows:
             layout.operator("imprint.set_own", text="", icon=icon, emboss=False).setting = name
 
     def draw_own(self, layout: bpy.types.UILayout) -> None:
-        """How many settings are the set's own, and the button that gives all of them back to the scene."""
+        """The button that gives all settings that are the set's own back to the scene, with their number."""
         number = len(self.set.own.names_of_own())
-        row = layout.row(align=True)
-        text = message("1 own setting") if number == 1 else message("{} own settings")
-        row.label(text=text.format(number), icon=PIN[bool(number)], translate=False)
-        part = row.row(align=True)
-        part.enabled = bool(number)
-        part.operator("imprint.set_own", text=label("All Back"), icon="LOOP_BACK", translate=False).setting = ""
+        row = layout.row()
+        row.enabled = bool(number)
+        text = message("1 own setting") if number == 1 else message("{} own settings").format(number)
+        row.operator("imprint.set_own", text=text, icon="LOOP_BACK", translate=False).setting = ""

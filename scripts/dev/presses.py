@@ -47,7 +47,7 @@ STEPS: dict[str, tuple[str, list[tuple[str, int]], list[tuple[str, int]]]] = {
     "batch of seven, find the wrong two": (
         "seven",
         [("imprint.bake_pairs", 1), *[("", 1), ("report", 0)] * 7],
-        [("imprint.bake_pairs", 1), ("left_out", 0)],
+        [("bakes", 1), ("imprint.set_add", 1), ("imprint.bake_sets", 1), ("left_out", 0)],
     ),
     "make levels of detail": ("pair", [("imprint.make_levels", 1)], [("imprint.make_levels", 1)]),
     "change the size": ("pair", [("IMPRINT_MT_size", 2)], [("IMPRINT_MT_size", 2)]),
@@ -322,6 +322,7 @@ def count(root: str, version: int, height: int) -> dict[str, tuple[int, int]]:
     addon.register()
     panels = [one for one in registered if issubclass(one, bpy.types.Panel) and one.bl_region_type == "UI"]
     panels = [one for one in panels if getattr(one, "bl_category", "") == "Imprint"]
+    panels = [one for one in panels if "INSTANCED" not in getattr(one, "bl_options", ())]
     found = {}
     for task, (state, *both) in STEPS.items():
         prepare(state)
@@ -341,6 +342,11 @@ def count(root: str, version: int, height: int) -> dict[str, tuple[int, int]]:
                 is_baked = True
             more = sidebar.reach(name, height)
             presses, wheel = presses + more[0], wheel + more[1]
+            if name == "bakes":
+                bpy.context.scene.imprint.bakes = "SETS"
+            elif name == "imprint.set_add":
+                bpy.ops.object.select_all(action="DESELECT")
+                bpy.ops.imprint.set_add()
         found[task] = presses, wheel
     found["height of the open panels"] = Sidebar(panels).places()[2], 0
     addon.unregister()

@@ -7,7 +7,7 @@ PRESSES = {
     "look at occlusion on the model": 1,
     "compare high and low": 1,
     "switch to Unreal Engine": 2,
-    "batch of seven, find the wrong two": 2,
+    "batch of seven, find the wrong two": 3,  # Sets and the plus sign at first, and Bake each time
     "make levels of detail": 2,  # the panel More, in which that of the levels is open
     "change the size": 2,
     "export a .glb": 2,

@@ -2,6 +2,7 @@
 """Drives a real Blender window from scripts in tests/window. Mouse and keys need X11 and xdotool."""
 
 import functools
+import math
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,6 +43,31 @@ def open_alone(*names: str) -> None:
 
 presses: list[str] = []
 """The clicks and the keys so far, without the wheel and without keys that are held for a click."""
+NOTCH = 40.0
+"""How far a notch of the wheel moves the sidebar, in pixels at a scale of 1."""
+
+
+class Wheel:
+    """The notches of the wheel that somebody would need who knows where each button is, since `begin`. `find` needs more."""
+
+    def __init__(self):
+        self.notches, self._top = 0, 0.0
+
+    def begin(self) -> None:
+        """Count from now on, with the sidebar at its top."""
+        self.notches, self._top = 0, 0.0
+
+    def reach(self, sidebar: bpy.types.Region, y: int) -> None:
+        """Note that a button was used. y: where it is now, in pixels from the lower edge of the sidebar."""
+        at, edge = sidebar.view2d.region_to_view(0, y)[1], STEP * bpy.context.preferences.system.ui_scale
+        beyond = max(at + edge - self._top, min(0.0, at - edge - (self._top - sidebar.height)), key=abs)
+        if at + edge > self._top or at - edge < self._top - sidebar.height:
+            number = math.ceil(abs(beyond) / (NOTCH * bpy.context.preferences.system.ui_scale))
+            self.notches += number
+            self._top = min(0.0, self._top + math.copysign(number * NOTCH, beyond))
+
+
+wheel = Wheel()
 
 
 def mouse(*words: object) -> None:
@@ -65,6 +91,9 @@ def press(button: str) -> Iterator[float]:
     """Click a button of the sidebar, as "imprint.bake" for an operator, also with its first arguments, or "imprint.low"
     for a property."""
     yield from find(button)
+    whole, area, _ = view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    wheel.reach(sidebar, whole.height - _seen[button][1] - sidebar.y)
     mouse("click", 1)
     yield 0.3
 

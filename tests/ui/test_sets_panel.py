@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests what the panels show while they bake a set: its own settings, its parts, its textures."""
 
+from types import SimpleNamespace
+
 import bpy
 import pytest
 
 from addon.core.settings import PART_OF
 from addon.ui import bake_panel, object_pairs, set_lists, sets, settings_panels
 from addon.ui.setting_rows import MADE, Rows
+from scripts.dev import presses
 from tests.support import panel_layout, zoo
 from tests.support.panel import select, use
 
@@ -19,8 +22,8 @@ SETTINGS = [cls for cls in settings_panels.CLASSES if issubclass(cls, bpy.types.
 def crate():
     """A set of two parts, each with a high object by its name, and small maps."""
     for number, name in enumerate(("crate", "lid")):
-        for end in ("low", "high"):
-            zoo.cube(f"{name}_{end}").location.x = 4.0 * number
+        low, high = zoo.plane(f"{name}_low", 2), zoo.terrain(f"{name}_high", n=8)
+        low.location.x = high.location.x = 4.0 * number
     select(bpy.data.objects["crate_low"], bpy.data.objects["lid_low"])
     use(size=32, samples="1", rays=16, storage="MEMORY")
     assert bpy.ops.imprint.set_add() == {"FINISHED"}
@@ -204,3 +207,38 @@ def test_a_redraw_looks_for_parts_only_where_something_has_changed(crate, monkey
     bpy.data.objects["lid_low"].location.z = 1.0
     main()
     assert len(calls) > before
+
+
+def height():
+    """The height of the main panel, in pixels at a scale of 1."""
+    layout = presses.Layout(SimpleNamespace(opened=set(), inside={}, closed_bodies={}))
+    bake_panel.IMPRINT_PT_bake.draw(
+        panel_layout.Drawn(bake_panel.IMPRINT_PT_bake, layout), panel_layout.context_of(2000)
+    )
+    return layout.measured()[0]
+
+
+@pytest.mark.parametrize("bakes", ["SELECTION", "SETS"])
+def test_what_lies_below_stays_where_it_is_when_results_come(crate, bakes):
+    settings = use(bakes=bakes, show_result=True)
+    if bakes == "SELECTION":
+        select(bpy.data.objects["crate_low"])
+    before = height()
+    if bakes == "SELECTION":
+        assert bpy.ops.imprint.bake() == {"FINISHED"}
+        bpy.data.objects["crate_high"].hide_set(True)
+    else:
+        assert bpy.ops.imprint.bake_sets(name=crate.name) == {"FINISHED"}
+    settings.bakes = bakes
+    assert height() == before
+    assert panels_at_top() == ["Imprint", "View", "More", "Results"]
+
+
+def panels_at_top():
+    """The labels of the panels at the top, in their order."""
+    tops = [
+        one
+        for one in panel_layout.PANELS
+        if not hasattr(one, "bl_parent_id") and "INSTANCED" not in getattr(one, "bl_options", ())
+    ]
+    return [one.bl_label for one in sorted(tops, key=lambda one: getattr(one, "bl_order", 0))]

@@ -22,7 +22,7 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 
 import addon  # noqa: E402
 from addon.core.declarations import targets  # noqa: E402
-from addon.ui import bake_queue, declared_properties, modal, object_pairs  # noqa: E402
+from addon.ui import bake_queue, declared_properties, modal, object_pairs, sets, signs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
 from addon.ui.progress_display import display  # noqa: E402
@@ -180,13 +180,14 @@ def part_engine() -> Steps:
 
 def part_results() -> Steps:
     """A batch of three with a wrong one: the list says which; clicks select it and open its map beside the viewport."""
-    open_again("bake", "pairs", "results")
+    open_again("bake", "results")
     small(method="CAST")
     for number, name in enumerate("abc"):
         grid(f"{name}_low", 6, x=4.0 * number)
         grid(f"{name}_high", 40, x=4.0 * number + 1.5 * (name == "b"), height=0.2)
     window.select_only()
-    yield from press("imprint.bake_pairs")
+    yield from by_names()
+    yield from press("imprint.bake_sets")
     yield from finished()
     picture("listed")
     ordered = [low.name for low, _ in results.of_scene(bpy.context)]
@@ -356,19 +357,117 @@ def part_bevel() -> Steps:
 
 
 def part_names() -> Steps:
-    """Pairs by name, with numbers at the end."""
-    open_again("bake", "pairs")
+    """A set of pairs by name, with numbers at the end."""
     small()
     for number, name in enumerate(("pipe_low", "pipe_high", "pipe_low.001", "pipe_high.001")):
         grid(name, 40 if "high" in name else 6, x=4.0 * (number // 2), height=0.1 + 0.05 * number)
     window.select_only()
-    yield from press("imprint.bake_pairs")
+    yield from by_names()
+    yield from press("imprint.bake_sets")
     yield from finished()
     for name in ("pipe_low", "pipe_low.001"):
         pair = object_pairs.of(bpy.data.objects[name])
         check(name, [high.name for high in pair.found()] == [name.replace("low", "high")])
     picture("names")
     check("two images", mine() == ["pipe_low.001_normal", "pipe_low_normal"])
+
+
+def part_crate() -> Steps:
+    """A crate of six parts, without the manual: a set of all, one image, packed, for Unreal Engine: its files are there."""
+    small(width=512, height=512, show_result=True)
+    for number in range(6):
+        grid(f"crate_{number}_low", 4, x=4.0 * number)
+        grid(f"crate_{number}_high", 30, x=4.0 * number, height=0.2)
+    keep_for("crate")
+    yield from all_selected()
+    picture("1 selected")
+    yield from counted()
+    yield from press("imprint.set_add")
+    yield from textures("ONE")
+    yield from press("imprint.pack_uvs")
+    yield from press("imprint_sets[0].own.engine")
+    yield from underlined("u")
+    picture("2 ready")
+    at = place("imprint.bake_sets")
+    yield from press("imprint.bake_sets")
+    yield from finished()
+    yield 2.0
+    picture("3 baked")
+    print(f"  presses: {len(window.presses)}, notches of the wheel: {window.wheel.notches}", flush=True)
+    one = bpy.context.scene.imprint_sets[0]
+    check("six parts", [low.name for low in sets.lows(bpy.context, one)] == [f"crate_{n}_low" for n in range(6)])
+    check("one atlas", files() == ["T_crate_N.png"])
+    check("the button stays", place("imprint.bake_sets") == at)
+    found = [results.of(bpy.context, low) for low in sets.lows(bpy.context, one)]
+    check("without overlaps", all(report.checks["overlap"]["share"] == 0.0 for report in found))
+    check("all true", signs.of_set(bpy.context, one).status == "TRUE")
+
+
+MATERIALS = ("wood", "iron", "cloth")
+
+
+def part_prop() -> Steps:
+    """A prop of 14 parts with three materials and seven maps for Unreal Engine, with a preset for the maps: its first files."""
+    settings = bpy.context.scene.imprint
+    small(width=256, height=256)
+    for name in MATERIALS:
+        bpy.data.materials.new(name)
+    for number in range(14):
+        low = grid(f"prop_{number:02}_low", 4, x=4.0 * number)
+        low.data.materials.append(bpy.data.materials[MATERIALS[number % 3]])
+        grid(f"prop_{number:02}_high", 30, x=4.0 * number, height=0.15).data.materials.append(red())
+    settings.maps = {"AO", "CURVATURE", "BASE_COLOR", "ROUGHNESS", "METALLIC", "HEIGHT"}
+    settings.engine = "Unreal Engine"
+    bpy.ops.imprint.preset_add(name="Unreal seven")
+    settings.maps, settings.engine = set(), "Blender"
+    keep_for("prop")
+    yield from all_selected()
+    yield from counted()
+    yield from press("imprint.set_add")
+    yield from textures("MATERIAL")
+    yield from window.press_beside("imprint_sets[0].own.engine", right=40)
+    picture("presets")
+    yield from press_preset()
+    yield from press("imprint.pack_uvs")
+    picture("ready")
+    yield from press("imprint.bake_sets")
+    yield from finished()
+    yield 2.0
+    picture("baked")
+    print(f"  presses: {len(window.presses)}, notches of the wheel: {window.wheel.notches}", flush=True)
+    print(f"  files: {files()}", flush=True)
+    check("files of each material", all(any(f"_{name}_" in file for file in files()) for name in MATERIALS))
+    keep_for("prop_next_day")
+    yield from saved_by_key()
+
+
+def part_prop_next_day() -> Steps:
+    """On another day two high objects change: one press of Bake Changed bakes them, and no texel of the others changes."""
+    one = bpy.context.scene.imprint_sets[0]
+    yield from window.open_tab()
+    yield 3.0
+    picture("opened")
+    check("all true", signs.of_set(bpy.context, one).status == "TRUE")
+    before = {name: (FOLDER / "prop" / name).read_bytes() for name in files("prop")}
+    for number in (3, 8):
+        mesh = bpy.data.objects[f"prop_{number:02}_high"].data
+        for vertex in mesh.vertices:
+            vertex.co.z *= 1.5
+        mesh.update()
+    yield 3.0
+    picture("changed")
+    check("changed", signs.of_set(bpy.context, one).status == "CHANGED")
+    baked = _baked()
+    yield from counted()
+    yield from press('imprint.bake_sets(name="prop", changed=True')
+    yield from finished()
+    yield 2.0
+    picture("baked")
+    check(f"one press: {len(window.presses)}", len(window.presses) == 1)
+    again = sorted(name for name, when in _baked().items() if when != baked.get(name))
+    check("two were baked", again == ["prop_03_low", "prop_08_low"])
+    check("other files are there", set(files("prop")) >= set(before))
+    check("all true again", signs.of_set(bpy.context, one).status == "TRUE")
 
 
 def part_live() -> Steps:
@@ -523,12 +622,7 @@ def part_daily_batch() -> Steps:
     """The batch of the daily tasks, counted as those of part_daily."""
     small()
     seven()
-    yield from task(
-        "batch of seven, find the wrong two",
-        window.press_beside("imprint_view.mode", below=30),
-        press("imprint.bake_pairs"),
-        finished(),
-    )
+    yield from task("batch of seven, find the wrong two", by_names(), press("imprint.bake_sets"), finished())
     check("the wrong ones are named", len(results.batch().left_out) == 2)
     yield from find("imprint.bake")
     picture("batch")
@@ -678,17 +772,16 @@ def part_atlas() -> Steps:
         grid(f"{name}_low", 6, x=4.0 * number)
         grid(f"{name}_high", 40, x=4.0 * number, height=0.2)
     lows = ("a_low", "b_low", "c_low")
-    open_again("bake", "pairs")
-    yield from click_row("a_low")
-    yield from keys("g", "x", "0", "Return")  # a step before
+    window.select_only()
+    yield from by_names()
+    yield from textures("ONE")
     before = kept()
-    yield from press("imprint.share_image")
     yield from press("imprint.pack_uvs")
-    yield from press("imprint.bake_pairs")
+    yield from press("imprint.bake_sets")
     yield from finished()
     picture("atlas")
     check("each has the UV map", all("Atlas" in bpy.data.objects[name].data.uv_layers for name in lows))
-    check("one image", mine() == ["atlas_normal"])
+    check("one image", mine() == ["Set_normal"])
     found = [results.of(bpy.context, bpy.data.objects[name]) for name in lows]
     check("without overlaps", all(report.checks["overlap"]["share"] == 0.0 for report in found))
     yield from keys("ctrl+z", "ctrl+z")
@@ -770,6 +863,59 @@ def part_itself_next_day() -> Steps:
     yield from finished()
     after = _baked()
     check("Each Onto Itself", all(before[name] != after[name] for name in ("lamp", "table", "vase")))
+
+
+def by_names() -> Steps:
+    """A set of all pairs by name: Sets, and the plus sign with nothing selected."""
+    yield from press("imprint.bakes")
+    yield from press("imprint.set_add")
+
+
+def textures(which: str) -> Steps:
+    """Choose how the parts of the first set share textures, in a row of three buttons."""
+    yield from find("imprint_sets[0].textures")
+    whole, area, _ = window.view()
+    sidebar = next(region for region in area.regions if region.type == "UI")
+    share = {"PART": 0.15, "MATERIAL": 0.45, "ONE": 0.75}[which]
+    mouse("mousemove", round(sidebar.x + sidebar.width * share), place("imprint_sets[0].textures")[1])
+    yield 0.3
+    mouse("click", 1)
+    yield 0.7
+    check(f"textures: {which}", bpy.context.scene.imprint_sets[0].textures == which)
+
+
+def all_selected() -> Steps:
+    """Select all objects by A, with the tab open."""
+    yield from window.open_tab()
+    yield from click_row(min(bpy.context.scene.objects.keys()))
+    yield from keys("a")
+    yield from until(lambda: len(bpy.context.selected_objects) == len(bpy.context.scene.objects))
+
+
+def counted() -> Steps:
+    """Count presses and notches from here."""
+    yield 0.5
+    window.presses.clear()
+    window.wheel.begin()
+
+
+def place(button: str) -> tuple[int, int] | None:
+    """Where a button was seen last."""
+    return window._seen.get(button)
+
+
+def files(part: str = "") -> list[str]:
+    """The names of the images in the folder of a part."""
+    return sorted(path.name for path in (FOLDER / (part or PART)).rglob("*") if path.suffix in {".png", ".tga", ".exr"})
+
+
+def press_preset() -> Steps:
+    """Click the first preset in the popover that is open."""
+    yield 1.0
+    window.mouse("mousemove_relative", "--", -60, 45)
+    yield 0.3
+    window.mouse("click", 1)
+    yield 1.0
 
 
 def stage() -> str:
