@@ -259,5 +259,5 @@ _OF_WORDS = {
     setting.option.word or name.replace("_", "-"): name
     for name, setting in DECLARED.items()
     if setting.option is not None and name in PART_OF and name not in {"width", "height"}
-}
-"""The settings by their keys."""
+} | {name.replace("_", "-"): name for name in FORMER}
+"""The settings by their keys, also by earlier ones."""

@@ -213,6 +213,12 @@ class ImprintPair(bpy.types.PropertyGroup):
         """The names of the high objects that were deleted, or did not come along."""
         return [high.title for high in self.highs if high.title and high.find() is None]
 
+    def choose(self, highs: Sequence[bpy.types.Object]) -> None:
+        """Make these the high objects, of which the low object alone stands for a bake onto itself."""
+        low = self.id_data
+        self.is_own, self.had_detail = list(highs) == [low], not object_checks.shows_own_surface(low, highs)
+        self.put([] if self.is_own else highs)
+
     def put(self, highs: Sequence[bpy.types.Object]) -> None:
         """Make these the high objects. Items of an override cannot be removed: those that are left over are emptied."""
         self._put([(obj, obj.name) for obj in highs])
@@ -343,8 +349,7 @@ def remember_objects(
     """Keep objects and settings with a low object. settings: as in Settings. measured: distances, where one is not set."""
     pair = low.imprint
     _touch_reference(low)
-    pair.is_own, pair.had_detail = list(highs) == [low], not object_checks.shows_own_surface(low, highs)
-    pair.put([] if pair.is_own else highs)
+    pair.choose(highs)
     pair.method = str(settings["method"])
     if cage is not None or pair.method != Method.FLATTEN:  # Flatten uses none, and forgets none
         pair.cage = cage

@@ -81,8 +81,7 @@ def put_pair(
     if pair is None or not pair.is_kept:
         object_pairs.remember_objects(low, highs, cage or before, panel.to_settings().flat(), {})
     else:
-        pair.is_own = list(highs) == [low]
-        pair.put([] if pair.is_own else highs)
+        pair.choose(highs)
         pair.cage = cage or before
 
 
@@ -266,7 +265,12 @@ class IMPRINT_OT_set_high_remove(SetOperator, bpy.types.Operator):
         check_editable(low)
         chosen = context.scene.imprint.alone(context, low)
         if chosen.pair is None and low not in chosen.highs:  # they were found by name
-            put_pair(context, low, [high for high in chosen.highs if high.name != self.high])
+            left = [high for high in chosen.highs if high.name != self.high]
+            if not left:
+                raise BakeError(
+                    f"{self.high!r} is called as {low.name!r} is: rename it, or add another high object first."
+                )
+            put_pair(context, low, left)
         else:
             low.imprint.remove(self.high)
         return ""

@@ -290,7 +290,7 @@ def resolve(context: bpy.types.Context, one: ImprintSet) -> SetJob:
 def resolve_all(context: bpy.types.Context, chosen: Sequence[ImprintSet]) -> list[SetJob]:
     """What is baked of several sets, without what sets before them in the list bake already. A set of which nothing can be
     baked has no jobs, and why in `left_out`."""
-    every = [one for one in context.scene.imprint_sets if one.is_on or one in chosen]
+    every = context.scene.imprint_sets
     resolved = set_jobs.apart([_look(context, one) for one in every if one.is_on])
     of_names = {set_job.name: set_job for set_job in resolved}
     return [of_names.get(one.name) or _look(context, one) for one in every if one in chosen]

@@ -152,6 +152,8 @@ def test_names_are_kept_true(props):
 
 def test_a_high_object_by_hand(props):
     low, bolt = bpy.data.objects["a_low"], zoo.plane("bolt")
+    told = refusal(bpy.ops.imprint.set_high_remove, low="a_low", high="a_high")
+    assert told == "'a_high' is called as 'a_low' is: rename it, or add another high object first."
     highs = lambda: [high.name for high in sets.resolve(bpy.context, props).jobs[0].highs]  # noqa: E731
     assert highs() == ["a_high"]
     assert bpy.ops.imprint.set_high_add(low="a_low", high="bolt") == {"FINISHED"}

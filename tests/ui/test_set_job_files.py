@@ -105,6 +105,37 @@ def test_a_shell_understands_what_is_written(props, tmp_path):
     )
 
 
+@pytest.mark.parametrize("ending", ["toml", "json"])
+def test_names_with_any_character(props, tmp_path, ending):
+    name = "tab\t quote\" back\\slash \x7f ünï 'a' \U0001f9f1"
+    props.name = name
+    there_and_back(tmp_path / f"all.{ending}")
+    assert sets.active(bpy.context).name == props.name == name
+
+
+def test_a_part_onto_itself_stays_one(props, tmp_path):
+    """Although a name, or its pair, would give it high objects."""
+    for name in ("a_low", "b_low"):
+        low = bpy.data.objects[name]
+        object_pairs.remember_objects(low, [low], None, props.settings.flat(), {})
+    low.imprint_is_baked, low.imprint_size = False, "512"
+    cage = zoo.plane("c_hull")
+    c = bpy.data.objects["c_low"]
+    object_pairs.remember_objects(c, [bpy.data.objects["bolt"]], cage, props.settings.flat(), {})
+    there_and_back(tmp_path / "all.toml")
+    made = sets.resolve(bpy.context, sets.active(bpy.context))
+    assert [(job.highs, job.cage, job.size) for job in made.jobs] == [
+        ([bpy.data.objects["a_low"]], None, 0),
+        ([low], None, 512),
+        ([bpy.data.objects["bolt"]], cage, 0),
+    ]
+    assert made.off == {low.session_uid}
+    bpy.data.objects["a_low"].imprint.put([bpy.data.objects["sculpt"]])
+    bpy.data.objects["a_low"].imprint.is_own = False
+    assert bpy.ops.imprint.sets_from_job_file(filepath=str(tmp_path / "all.toml")) == {"FINISHED"}
+    assert sets.resolve(bpy.context, sets.active(bpy.context)).jobs[0].highs == [bpy.data.objects["a_low"]]
+
+
 def test_paths_start_at_the_job_file(props, tmp_path):
     assert bpy.ops.imprint.sets_to_job_file(filepath=str(tmp_path / "jobs" / "all.toml")) == {"FINISHED"}
     (table,) = job_files.read(tmp_path / "jobs" / "all.toml")
@@ -137,7 +168,9 @@ def test_by_hand_written_sets(props, tmp_path):
 
         [[bake]]
         low = "b_low"
-        output = "b.png"
+        output = "b.<UDIM>.png"
+        samples = 4
+        readers = ["unreal"]
 
         [[bake]]
         name = "Hands"
@@ -156,7 +189,8 @@ def test_by_hand_written_sets(props, tmp_path):
     )
     path.write_text(path.read_text().replace("ignore_backfaces", "facing_only"))
     bpy.context.scene.imprint_sets.clear()
-    assert bpy.ops.imprint.sets_from_job_file(filepath=str(path)) == {"FINISHED"}
+    with pytest.warns(FutureWarning, match="readers is now called targets"):
+        assert bpy.ops.imprint.sets_from_job_file(filepath=str(path)) == {"FINISHED"}
     by_name, hands, pairs = bpy.context.scene.imprint_sets
     assert (by_name.name, hands.name, pairs.source) == ("b", "Hands", "NAMES")
     assert [one.settings.sampling.size for one in (by_name, hands, pairs)] == [(64, 32)] * 3
@@ -166,6 +200,12 @@ def test_by_hand_written_sets(props, tmp_path):
     tracing = hands.settings.tracing
     assert (tracing.extrusion, tracing.max_distance, tracing.facing_only) == (0.25, 1.0, True)
     assert hands.settings.storing.output == "//a.exr"
+    assert (by_name.settings.sampling.samples, hands.settings.sampling.samples) == (4, 2)
+    assert (by_name.settings.sampling.udim, hands.settings.sampling.udim) == (True, False)
+    assert by_name.settings.map.targets == ("unreal",)
+    hands.back("measure")
+    bpy.context.scene.imprint.measure = True
+    assert hands.settings.tracing.extrusion is None
     assert pairs.settings.map.maps == ("AO", "BASE_COLOR")
     assert hands.settings.map.maps == ()
 

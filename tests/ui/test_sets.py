@@ -99,6 +99,10 @@ class TestAdd:
             "table": ["table"],
         }
         assert added(props["crate_low"], props["crate_high"], bolt) == {"crate_low": ["crate_high", "bolt"]}
+        assert added(props["lid_low"], table) == {"lid_low": ["lid_high"], "table": ["table"]}
+        props["lid_high"].location.x = 30.0
+        bpy.context.view_layer.update()
+        assert added(props["lid_low"], props["lid_high"]) == {"lid_low": ["lid_high"]}
 
     def test_another_high_object_than_that_by_name(self, props):
         assert added(props["crate_low"], cube("sculpt")) == {"crate_low": ["sculpt"]}
@@ -123,6 +127,21 @@ class TestAdd:
         added(props["crate_low"])
         tracing = sets.active(bpy.context).settings.tracing
         assert (tracing.method, tracing.extrusion, tracing.max_distance) == pytest.approx(("CAST", 0.2, 0.7))
+
+    def test_measured_distances_of_a_pair_stay_measured(self, props):
+        use(measure=False)
+        settings = {"method": "CAST", "extrusion": None, "max_distance": None}
+        object_pairs.remember_objects(props["crate_low"], [props["crate_high"]], None, settings, {"extrusion": 0.3})
+        added(props["crate_low"])
+        assert sorted(sets.active(bpy.context).own.names_of_own()) == ["measure", "method"]
+
+    def test_distances_of_one_of_several_pairs_become_its_own(self, props):
+        settings = {"method": "AUTO", "extrusion": 0.2, "max_distance": 0.7}
+        object_pairs.remember_objects(props["crate_low"], [props["crate_high"]], None, settings, {})
+        added(props["crate_low"], props["lid_low"])
+        assert sets.active(bpy.context).own.names_of_own() == []
+        assert props["crate_low"].imprint_distance == pytest.approx(0.35)
+        assert props["lid_low"].imprint_distance == 0.0
 
     def test_without_a_selection_and_pairs_it_is_empty(self):
         bpy.ops.object.select_all(action="DESELECT")
@@ -172,6 +191,59 @@ def test_images_are_named_after_what_shares_them(props, textures, engine, named,
     assert {name for name in images if name.endswith(("_N", "_normal"))} == named
     if engine:
         assert {path.name for path in tmp_path.glob("*_N.png")} == {f"{name}.png" for name in named}
+
+
+def test_a_part_that_is_off_is_not_baked_and_says_nothing(props):
+    new_set(props["crate_low"], props["lid_low"], textures="ONE")
+    props["lid_low"].imprint_is_baked = False
+    assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
+    assert {name for name, low in props.items() if object_pairs.of(low) and low.imprint.baked} == {"crate_low"}
+    assert [job.low.name for job in sets.resolve(bpy.context, sets.active(bpy.context)).jobs] == [
+        "crate_low",
+        "lid_low",
+    ]
+    props["lid_low"].data.uv_layers.remove(props["lid_low"].data.uv_layers[0])
+    assert sets.resolve(bpy.context, sets.active(bpy.context)).left_out == ()
+    props["lid_low"].imprint.put([props["crate_low"]])
+    assert sets.resolve(bpy.context, sets.active(bpy.context)).left_out == ()
+
+
+@pytest.mark.parametrize("source", ["PARTS", "NAMES"])
+def test_a_cage_by_name_and_that_of_the_pair(props, source):
+    one, cage, hull = new_set(props["crate_low"], source=source), cube("crate_cage", size=2.4), cube("hull", size=2.2)
+    used = lambda: sets.resolve(bpy.context, one).jobs[0].cage  # noqa: E731
+    assert used() == cage
+    assert bpy.ops.imprint.set_high_add(low="crate_low", high="lid_high") == {"FINISHED"}
+    assert props["crate_low"].imprint.cage == cage
+    props["crate_low"].imprint.cage = hull
+    assert used() == (cage if source == "NAMES" else hull)
+    bpy.context.scene.imprint.method = "FLATTEN"
+    if source == "PARTS":  # which has no use for it; by name it is told, as by Bake Pairs by Name
+        assert used() is None
+
+
+def test_one_image_for_all_pairs_by_name_stays_so():
+    bpy.context.scene.imprint.share_image = True
+    cube("a_low")
+    cube("a_high")
+    bpy.ops.object.select_all(action="DESELECT")
+    assert bpy.ops.imprint.set_add() == {"FINISHED"}
+    assert (sets.active(bpy.context).source, sets.active(bpy.context).textures) == ("NAMES", "ONE")
+
+
+def test_a_switch_and_its_numbers_belong_together(props):
+    one, scene = new_set(props["crate_low"]), bpy.context.scene.imprint
+    scene.measure = False
+    one.make_own("extrusion")
+    assert sorted(one.own.names_of_own()) == ["extrusion", "measure"]
+    scene.measure = True
+    assert one.settings.tracing.extrusion is not None
+    one.make_own("max_distance")
+    one.back("extrusion")
+    assert sorted(one.own.names_of_own()) == ["max_distance", "measure"]
+    one.back("measure")
+    assert one.own.names_of_own() == []
+    assert one.settings.tracing.max_distance is None
 
 
 def test_own_settings_count_in_place_of_the_scene(props):

@@ -65,7 +65,9 @@ def test_two_sets_that_fill_one_image():
     assert left_out["b_low"].startswith("The sets 'One' and 'Two' would both fill the image 'b_low_normal': ")
     assert bake(name="Two") == ({"c_low"}, left_out)
     assert bake(name="One") == ({"a_low", "b_low"}, {})
-    second.is_on = False
+    second.own.image = "{low}_NORMAL"  # one image on some file systems
+    assert bake(name="Two") == ({"c_low"}, {"b_low": left_out["b_low"].replace("b_low_normal", "b_low_NORMAL")})
+    second.is_on, second.own.image = False, ""
     assert bake() == ({"a_low", "b_low"}, {})
     assert bake(name="Two") == ({"b_low", "c_low"}, {})
 
@@ -185,6 +187,9 @@ def test_nothing_but_mistakes_is_an_error():
     new_set("One")
     with pytest.raises(RuntimeError, match="'One' has no part"):
         bpy.ops.imprint.bake_sets()
+    assert json.loads(bpy.context.window_manager.imprint_batch)["left_out"] == [
+        ["", "The set 'One' has no part: add low objects."]
+    ]
     new_set("Two", "a_low")
     assert bake() == ({"a_low"}, {"": "The set 'One' has no part: add low objects."})
 
