@@ -211,17 +211,19 @@ def requests_of(
 
     jobs: all of them; empty for `job` alone. shared_name: empty if low objects share no image.
     """
-    requests = _requests(context, jobs or [job], settings.read_by(context.scene.render.engine), shared_name)
-    return [request for request in requests if request.job.low_ref.uid == job.low_ref.uid]
+    settings = settings.read_by(context.scene.render.engine)
+    return list(_requests(context, jobs or [job], settings, shared_name, of=job.low_ref.uid))
 
 
 def _requests(
-    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, shared_name: str
+    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, shared_name: str, of: int | None = None
 ) -> Iterator[Request]:
-    """Each bake of `work`, without its wants, as a low object alone reads what its own needs."""
+    """Each bake of `work`, without its wants, as a low object alone reads what its own needs. of: the session_uid of the low
+    object whose bakes are returned; None for all."""
     if settings.map.texture_sets:
         jobs = by_material(jobs, settings.storing, shares=bool(shared_name))
-    for job, of_job in zip(jobs, weights.settings_by_job(jobs, settings), strict=True):
+    own_jobs = [job for job in jobs if of in (None, job.low_ref.uid)]
+    for job, of_job in zip(own_jobs, weights.settings_by_job(jobs, settings, own_jobs), strict=True):
         own = _of_job(of_job, job, is_shared=bool(shared_name))
         shading = occluders(context, job, jobs, settings.tracing)
         yield Request(job, named(own, job, shared_name), NOTHING_ELSE, shading, own)

@@ -12,10 +12,12 @@ from enum import StrEnum
 import bpy
 
 from ..core.declarations.all_settings import DECLARED
+from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
 from ..core.naming import ATLAS
 from ..core.progress import Progress, Task
 from ..core.settings import Settings
+from ..scene import object_checks
 from . import bake_jobs, map_contents
 from .job import Job, Request, read_meshes
 from .map_contents import Written
@@ -93,11 +95,25 @@ def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[i
     """What the bakes of all texture sets of a low object would read now, which is read once. known: as in `look`."""
     first = requests[0]
     new = tuple(ref for ref in first.other_refs if ref.uid not in known)
-    meshes = read_meshes(context, replace(first, job=first.job.but(texture_set=None), other_refs=new))
+    meshes = read_meshes(
+        context, _as_shown(context, replace(first, job=first.job.but(texture_set=None), other_refs=new))
+    )
     read = {mesh.name: Other.of(mesh) for mesh in meshes.others}
     known |= {ref.uid: read.get(ref.name) for ref in new}
     others = [other for ref in first.other_refs if (other := known[ref.uid]) is not None]
     return of_read(first, meshes, others).joined(map(of_size, requests[1:]))
+
+
+def _as_shown(context: bpy.types.Context, request: Request) -> Request:
+    """The request, to be read as the viewport shows its objects where renders see the same: these would be evaluated anew."""
+    refs, depsgraph = (*request.job.refs, *request.other_refs), context.evaluated_depsgraph_get()
+    objects = [ref.resolve() for ref in refs]
+    if request.settings.map.rest_pose or any(
+        object_checks.may_differ_in_renders(obj, context.scene) or not obj.evaluated_get(depsgraph).is_evaluated
+        for obj in objects
+    ):
+        return request
+    return replace(request, settings=request.settings.mapped(modifiers=Modifiers.VIEWPORT))
 
 
 def changes(then: State, now: State) -> list[str]:

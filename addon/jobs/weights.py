@@ -23,19 +23,22 @@ from ..scene.mesh_elements import GROUPS, UNPAINTED, without_missing, write_weig
 from .job import Job, PastBake, Request, check_job, read_meshes
 
 
-def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
+def settings_by_job(jobs: Sequence[Job], settings: Settings, wanted: Sequence[Job] | None = None) -> list[Settings]:
     """The settings for each job. Where several are baked, a low object without a group is baked as unpainted.
+
+    wanted: those of `jobs` of which the settings are returned; None for all.
 
     Raises BakeError if none of several low objects has the group. One low object may lack a group that another object has,
     as mesh_elements.weights reads it.
     """
-    if len(jobs) < 2 or settings.tracing.method == Method.FLATTEN:
-        return [settings] * len(jobs)
-    lows = [job.low for job in jobs]
-    for name in filter(None, (getattr(settings.tracing, setting) for setting in GROUPS)):
-        if not any(name in low.vertex_groups for low in lows):
+    wanted = jobs if wanted is None else wanted
+    names = [name for setting in GROUPS if (name := getattr(settings.tracing, setting))]
+    if len(jobs) < 2 or settings.tracing.method == Method.FLATTEN or not names:
+        return [settings] * len(wanted)
+    for name in names:
+        if not any(name in job.low.vertex_groups for job in jobs):
             raise BakeError(f"No low object has a vertex group {name!r}: name one that they have, or none.")
-    return [without_missing(low, settings) for low in lows]
+    return [without_missing(job.low, settings) for job in wanted]
 
 
 GROUP_NAMES = {"offset_group": "Imprint Offset", "straight_group": "Imprint Straight"}

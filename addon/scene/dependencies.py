@@ -7,9 +7,10 @@ Blender names paths, but not what depends on them. This follows the datablocks t
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import bpy
 
@@ -73,7 +74,7 @@ def of(
 
     for_render: whether modifiers count that are rendered, or those that the viewport shows.
     """
-    used = Uses()
+    used = Uses.now()
     blocks = used.by(objects)
     files = [each for block in blocks for each in _of_block(block, for_render=for_render)]
     files += _libraries(blocks)
@@ -94,7 +95,7 @@ def not_to_replace(
     bakes: the low object of each, its high objects, and other objects that it reads. Maps that an earlier bake has put into the
     low object's materials may be replaced, also where the high objects show the same materials.
     """
-    bakes, used = list(bakes), Uses()
+    bakes, used = list(bakes), Uses.now()
     read = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
     for low, highs, _ in bakes:
         own = used.materials_of(low)
@@ -149,7 +150,7 @@ def _has_pixels(path: str, _size: int, _time: int) -> bool:
 
 def packed_without_pixels(shown: Iterable[bpy.types.Object]) -> list[str]:
     """The names of the packed images that the materials of `shown` use and that Blender cannot decode."""
-    used = Uses()
+    used = Uses.now()
     images = [image for image in used.by_materials(used.by(shown)) if image.packed_files]
     return [image.name for image in images if image.source == "FILE" and min(textures.size_of(image)) == 0]
 
@@ -158,7 +159,7 @@ def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Sentences about datablocks that `objects` use and that are not in the libraries from which they are linked."""
     return [
         f"{block.name!r} is linked from {block.library.filepath!r}, but is not in that file."
-        for block in Uses().by(objects)
+        for block in Uses.now().by(objects)
         if block.is_missing and not isinstance(block, bpy.types.Material)
         if os.path.isfile(absolute(block.library.filepath, block.library))
     ]
@@ -166,7 +167,7 @@ def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:
 
 def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
     """`objects` and all datablocks that their meshes are made from."""
-    return Uses().by(objects)
+    return Uses.now().by(objects)
 
 
 def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
@@ -177,13 +178,13 @@ def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
     if modifier.type == "VOLUME_TO_MESH" and modifier.object:
         blocks.append(modifier.object.data)
     for block in filter(None, blocks):
-        paths += [each.path for inner in Uses().by([block]) for each in _of_block(inner)]
+        paths += [each.path for inner in Uses.now().by([block]) for each in _of_block(inner)]
     return paths
 
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
-    blocks = Uses().by(objects)
+    blocks = Uses.now().by(objects)
     clauses = [
         f"the node {node.name!r} of {tree.name!r} computes the path of its file"
         for tree in blocks
@@ -198,11 +199,27 @@ def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
 class Uses:
     """Which datablocks use which, in the open file."""
 
+    _shared: ClassVar["Uses | None"] = None
+
     def __init__(self):
         self._uses: dict[bpy.types.ID, list[bpy.types.ID]] = {}
         for block, users in bpy.data.user_map().items():
             for user in users:
                 self._uses.setdefault(user, []).append(block)
+
+    @contextmanager
+    def shared(self) -> Iterator[None]:
+        """Let all functions of this module use this in the block, in which no datablock may come or go that they ask for."""
+        Uses._shared = self
+        try:
+            yield
+        finally:
+            Uses._shared = None
+
+    @classmethod
+    def now(cls) -> "Uses":
+        """That of `shared`, or else a new one."""
+        return cls._shared or cls()
 
     def by(self, objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
         """`objects` and all datablocks that they use, also those that these use, except what materials use."""

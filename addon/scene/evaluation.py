@@ -224,8 +224,11 @@ def evaluate(
 
     with ExitStack() as restore:
         if modifiers == Modifiers.VIEWPORT:
+            depsgraph = context.evaluated_depsgraph_get()
             for obj in objects:
-                reveal(context, obj, restore)
+                # What the eye alone hides is evaluated, but for its instances.
+                if object_checks.shows_more(obj) or not obj.evaluated_get(depsgraph).is_evaluated:
+                    reveal(context, obj, restore)
         restore.enter_context(in_object_mode(context, objects))
         if own_base is not None:
             _fix_uvs(own_base, restore)

@@ -347,7 +347,8 @@ class Looks:
             then = part_state.kept(low)
             self._note_reads(part, seen, asked)
             seen.ref, seen.key, seen.stamp = asked.job.low_ref, asked.key, _stamp(asked, seen)
-            now = self._state(context, asked, then)
+            with self._uses.shared():
+                now = self._state(context, asked, then)
             if then is not None and not part.of_set:
                 now = _with_settings(now, then)
             seen.problem = next(iter(now.of_kind(PROBLEM).values()), "")
