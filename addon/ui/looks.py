@@ -7,7 +7,7 @@ does not report, as levels for renders and files, is compared in turn. What a ba
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from ..jobs import part_state
 from ..jobs.job import Job, PastBake
 from ..jobs.part_state import State, Status
 from ..jobs.state_pieces import PROBLEM, SETTING
-from ..scene import dependencies, object_checks, render_view
+from ..scene import dependencies, evaluation, object_checks, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, sets
 from .callbacks import Timer, events, redraw
@@ -64,6 +64,7 @@ class Asked(NamedTuple):
     Attributes:
         jobs: Those that are baked together.
         shared_name: The name of the set if its parts share images.
+        shading: The session_uids of all objects that may shade a part, with their materials.
         why: Why the part cannot be baked, in a sentence; empty if it can.
     """
 
@@ -71,12 +72,13 @@ class Asked(NamedTuple):
     settings: Settings
     jobs: tuple[Job, ...] = ()
     shared_name: str = ""
+    shading: frozenset[int] = frozenset()
     why: str = ""
 
     @property
     def key(self) -> tuple:
-        """What is compared: the other jobs are the matter of their own parts."""
-        return self.job, self.settings, self.shared_name, self.why
+        """What is compared. Of the other jobs, it is what shades this one: the rest is a matter of their own parts."""
+        return self.job, self.settings, self.shared_name, self.shading, self.why
 
 
 @dataclass
@@ -113,27 +115,31 @@ class _Resolved:
     found: dict[int, tuple[Job, str]] = field(default_factory=dict)
     """Each with why it cannot be baked, by the session_uid of the low object."""
     is_whole: bool = False
+    jobs: tuple[Job, ...] = ()
+    """All of them, if it is whole."""
+    shading: frozenset[int] = frozenset()
+    """As in Asked."""
 
     @classmethod
     def of(cls, context: bpy.types.Context, one: sets.ImprintSet) -> "_Resolved":
         return cls(one.settings, _shared_name(one), sets.jobs(context, one))
 
-    def step(self) -> int | None:
-        """Find the next job. Returns the session_uid of its low object; None at the end."""
+    def step(self, context: bpy.types.Context) -> None:
+        """Find the next job."""
         try:
             low, job, why = next(self.steps)
+            self.found[low.session_uid] = job, why
         except (StopIteration, BakeError):
             self.is_whole = True
-            return None
-        self.found[low.session_uid] = job, why
-        return low.session_uid
+            self.jobs = tuple(job for job, _ in self.found.values())
+            self.shading = shading(context, self.settings, self.jobs)
 
     def asked(self, low: int) -> Asked | None:
         """What would be baked of a low object, None if the set has it no more."""
         if low not in self.found:
             return None
         job, why = self.found[low]
-        return Asked(job, self.settings, tuple(job for job, _ in self.found.values()), self.shared_name, why)
+        return Asked(job, self.settings, self.jobs, self.shared_name, self.shading, why)
 
 
 class Looks:
@@ -149,6 +155,8 @@ class Looks:
         """The parts to look at, with a number that is larger for what was marked later."""
         self._users: dict[int, set[Part]] = {}
         """The parts that read a datablock, by its session_uid."""
+        self._shaded: dict[frozenset[int], set[Part]] = {}
+        """The parts that others shade, by Asked.shading."""
         self._resolved: dict[str, _Resolved] = {}
         """Of the sets of the context's scene, by name."""
         self._watching: _Resolved | None = None
@@ -215,6 +223,10 @@ class Looks:
             self._mark(part)
             if uid == part.low:  # its pair, its size or its switch may be what has changed
                 self._resolved.pop(part.of_set, None)
+        for uids, parts in self._shaded.items():
+            if uid in uids:
+                for part in parts:
+                    self._mark(part)
 
     def note_bake(self, low: int) -> None:
         """Mark the parts of a low object with another last result."""
@@ -231,7 +243,7 @@ class Looks:
 
     def forget(self, *_) -> None:
         """Forget all parts: another file has others."""
-        for kept in (self._seen, self._marked, self._users, self._resolved, self._unwatched):
+        for kept in (self._seen, self._marked, self._users, self._shaded, self._resolved, self._unwatched):
             kept.clear()
         self._let_go()
         self._places = ()
@@ -308,7 +320,7 @@ class Looks:
         if known is None or known.is_whole:
             self.look(context, part, self._asked(context, part))
         else:
-            known.step()
+            known.step(context)
         return True
 
     def _resolved_of(self, context: bpy.types.Context, part: Part) -> _Resolved | None:
@@ -390,18 +402,20 @@ class Looks:
     def _watch(self, context: bpy.types.Context) -> bool:
         """Compare what Blender does not report of the next part with that at its look, and mark it if that differs. Returns
         whether there are more in this round."""
-        if self._watching is not None:
-            return self._watch_set(context)
         scene = context.scene.session_uid
         if not self._unwatched:
             self._unwatched, self._hurries = self._round(scene), False
             return False
-        item = self._unwatched.pop()
-        if isinstance(item, Part):
-            if item in self._seen and item.scene == scene:
-                self._compare(item, self._asked(context, item))
-        elif item in context.scene.imprint_sets:
-            self._resolved[item] = self._watching = _Resolved.of(context, context.scene.imprint_sets[item])
+        item = self._unwatched[-1]
+        if not isinstance(item, Part):
+            self._watch_set(context, item)
+            return True
+        self._unwatched.pop()
+        known = self._resolved_of(context, item)
+        if item in self._seen and item not in self._marked and (known is None or known.is_whole):
+            asked, seen = self._asked(context, item), self._seen[item]
+            if asked is None or (asked.key, _stamp(asked, seen)) != (seen.key, seen.stamp):
+                self._mark(item)
         return True
 
     def _round(self, scene: int) -> list[str | Part]:
@@ -409,23 +423,19 @@ class Looks:
         parts = [part for part in self._seen if part.scene == scene]
         return [*(part for part in parts if not part.of_set), *{part.of_set: None for part in parts if part.of_set}]
 
-    def _watch_set(self, context: bpy.types.Context) -> bool:
-        known, scene = self._watching, context.scene.session_uid
-        low = known.step()
-        name = next(name for name, each in self._resolved.items() if each is known)
-        if low is None:
-            self._watching = None
-            for part in self._seen:
-                if (part.scene, part.of_set) == (scene, name) and part.low not in known.found:
-                    self._mark(part)
-        elif (part := Part(scene, name, low)) in self._seen:
-            self._compare(part, known.asked(low))
-        return True
-
-    def _compare(self, part: Part, asked: Asked | None) -> None:
-        seen = self._seen[part]
-        if part not in self._marked and (asked is None or (asked.key, _stamp(asked, seen)) != (seen.key, seen.stamp)):
-            self._mark(part)
+    def _watch_set(self, context: bpy.types.Context, name: str) -> None:
+        """Resolve a set anew, in steps, then let its parts be compared."""
+        if self._watching is None:
+            one = context.scene.imprint_sets.get(name)
+            self._watching = _Resolved.of(context, one) if one is not None else None
+        if self._watching is not None and not self._watching.is_whole:
+            self._watching.step(context)
+            return
+        if self._watching is not None:
+            self._resolved[name], self._watching = self._watching, None
+        self._unwatched.pop()
+        scene = context.scene.session_uid
+        self._unwatched += [part for part in self._seen if (part.scene, part.of_set) == (scene, name)]
 
     def _note_reads(self, part: Part, seen: Seen, asked: Asked) -> None:
         """Note what a part is made from."""
@@ -437,6 +447,11 @@ class Looks:
         seen.images = tuple(sorted(block.name for block in blocks if isinstance(block, bpy.types.Image)))
         seen.files = tuple(sorted({each.path for block in blocks for each in dependencies.files_of(block)}))
         self._follow(part, frozenset((low.session_uid, *(block.session_uid for block in blocks))))
+        for parts in self._shaded.values():
+            parts.discard(part)
+        self._shaded = {uids: parts for uids, parts in self._shaded.items() if parts}
+        if asked.shading:
+            self._shaded.setdefault(asked.shading, set()).add(part)
 
     def _follow(self, part: Part, reads: frozenset[int]) -> None:
         """Let updates of these datablocks mark a part, and of no others."""
@@ -458,6 +473,18 @@ def is_busy(context: bpy.types.Context) -> bool:
 
 def _shared_name(one: sets.ImprintSet) -> str:
     return one.name if one.textures != "PART" else ""
+
+
+def shading(context: bpy.types.Context, settings: Settings, jobs: Sequence[Job]) -> frozenset[int]:
+    """Asked.shading of the parts that are baked together."""
+    occluders = settings.tracing.occluders
+    if occluders == Occluders.OWN:
+        return frozenset()
+    objects = [obj for job in jobs for ref in job.high_refs if (obj := ref.find()) is not None]
+    if occluders == Occluders.SCENE:
+        objects += evaluation.shown_surfaces(context)
+    materials = (slot.material for obj in objects for slot in obj.material_slots)
+    return frozenset(block.session_uid for block in (*objects, *materials) if block is not None)
 
 
 def _edited(context: bpy.types.Context) -> set[int]:
@@ -502,11 +529,12 @@ def _again(context: bpy.types.Context, low: bpy.types.Object) -> Asked:
         job = PastBake.of(reports[0]).job.but(texture_set=None)
     except BakeError as error:
         return Asked(Job(low, pair.found()), settings, why=str(error))
-    if settings.tracing.occluders != Occluders.ALL:
+    if settings.tracing.occluders == Occluders.OWN:
         return Asked(job, settings)
     others = ((obj, object_pairs.of(obj)) for obj in context.scene.objects if obj != low)
     others = [(obj, other) for obj, other in others if other is not None and other.baked == pair.baked]
-    return Asked(job, settings, (job, *(Job(obj, other.found()) for obj, other in others)))
+    jobs = (job, *(Job(obj, other.found()) for obj, other in others))
+    return Asked(job, settings, jobs, shading=shading(context, settings, jobs))
 
 
 def _with_settings(now: State, then: State) -> State:

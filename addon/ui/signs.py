@@ -20,7 +20,7 @@ from ..core.progress import Progress, Task
 from ..jobs.part_state import Status
 from ..jobs.sets import SetJob
 from . import object_pairs, sets
-from .looks import Asked, Looks, Part
+from .looks import Asked, Looks, Part, shading
 from .sets import ImprintSet
 from .texts import message
 
@@ -147,10 +147,11 @@ def untrue(context: bpy.types.Context, set_job: SetJob) -> Task[set[int]]:
     wanted, found = set_job.wanted(), set()
     shared_name = set_job.name if set_job.share_image else ""
     looks.begin()
+    shading_all = shading(context, set_job.settings, set_job.jobs)
     for number, job in enumerate(wanted):
         yield Progress(f"Looking at {job.low_ref.name}", number / len(wanted))
         part = Part(context.scene.session_uid, set_job.name, job.low_ref.uid)
-        status = looks.look(context, part, Asked(job, set_job.settings, set_job.jobs, shared_name))
+        status = looks.look(context, part, Asked(job, set_job.settings, set_job.jobs, shared_name, shading_all))
         if status != Status.TRUE or _failure(job.low):
             found.add(job.low_ref.uid)
     return found

@@ -2,15 +2,21 @@
 """Tests the signs of parts and sets: which updates mark them, how many looks follow, and what Bake Changed bakes."""
 
 import os
+import subprocess
+import sys
 
 import bpy
 import numpy as np
 import pytest
 
 from addon.jobs.part_state import Status
+from addon.ui import looks as looks_module
 from addon.ui import sets, signs
+from addon.ui.progress_display import display
 from addon.ui.signs import looks
+from scripts.imprint import ROOT
 from tests.support.panel import select, use
+from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -104,26 +110,6 @@ def test_one_edit_is_one_look(props):
     assert show()["door"].text == "Changed since the bake: the mesh of 'door_high'"
     assert set_sign().status == Status.CHANGED
     assert settle() == 0
-
-
-def on_disk(props, tmp_path):
-    """Bake the set to files. Returns their bytes by name."""
-    use(storage="FILE", output=str(tmp_path / "{low}.png"))
-    baked()
-    return files(tmp_path)
-
-
-def files(folder):
-    return {path.stem.partition("_")[0]: path.read_bytes() for path in folder.glob("*COL*")} or {
-        path.name: path.read_bytes() for path in folder.glob("*.png")
-    }
-
-
-def texels(name):
-    image = bpy.data.images[name]
-    values = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(values)
-    return values
 
 
 def grow(name, by=0.3):
@@ -329,3 +315,162 @@ def test_new_objects_of_a_name_make_a_part(props):
     bpy.context.scene.collection.objects.link(other)
     settle()
     assert statuses()["door"] == Status.CHANGED
+
+
+ELSEWHERE = """
+import sys
+import bpy
+import addon
+addon.register()
+bpy.ops.wm.open_mainfile(filepath=sys.argv[-1])
+for name in ("wheel", "lamp"):
+    bpy.data.objects[f"{name}_high"].data.vertices[0].co.z += 0.3
+assert bpy.ops.imprint.bake_sets(name="Cart", changed=True) == {"FINISHED"}
+bpy.ops.wm.save_mainfile()
+"""
+
+
+@pytest.mark.parametrize("textures", ["PART", "ONE"])
+def test_in_another_process_two_changed_parts_are_baked(props, tmp_path, textures):
+    props.textures = textures
+    for number, name in enumerate(NAMES):  # side by side in one image
+        layer = bpy.data.objects[f"{name}_low"].data.uv_layers.active
+        for corner in layer.data:
+            corner.uv = ((corner.uv[0] + number) / 3.0, corner.uv[1])
+    use(storage="FILE", output="//{low}.png", size=48)
+    blend = str(tmp_path / "cart.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=blend)
+    baked()
+    bpy.ops.wm.save_mainfile()
+    before = {path.name: path.read_bytes() for path in tmp_path.glob("*.png")}
+    own = texels_of_part("door", tmp_path) if textures == "ONE" else {}
+    subprocess.run([sys.executable, "-c", ELSEWHERE, blend], cwd=ROOT, check=True, capture_output=True)
+    after = {path.name: path.read_bytes() for path in tmp_path.glob("*.png")}
+    assert after.keys() == before.keys()
+    touched = {name for name in after if after[name] != before[name]}
+    if textures == "PART":
+        assert {name.partition("_")[0] for name in touched} == {"wheel", "lamp"}
+    else:
+        assert touched
+        assert all(np.array_equal(own[name], now) for name, now in texels_of_part("door", tmp_path).items())
+    bpy.ops.wm.open_mainfile(filepath=blend)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def texels_of_part(name, folder):
+    """The columns of a part's own third of each file."""
+    start = 16 * NAMES.index(name)
+    found = {}
+    for path in sorted(folder.glob("*.png")):
+        image = bpy.data.images.load(str(path))
+        values = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(values)
+        found[path.name] = values.reshape(48, 48, 4)[:, start + 2 : start + 14].copy()
+        bpy.data.images.remove(image)
+    return found
+
+
+def test_a_rename_is_no_change(props):
+    baked()
+    for ending in ("low", "high"):
+        bpy.data.objects[f"door_{ending}"].name = f"gate_{ending}"
+    bpy.data.materials["door"].name = "gate"
+    settle()
+    assert statuses() == {"wheel": Status.TRUE, "gate": Status.TRUE, "lamp": Status.TRUE}
+
+
+def test_a_hidden_high_object_is_followed_and_stays_hidden(props):
+    baked()
+    high = bpy.data.objects["door_high"]
+    high.hide_set(True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    grow("door")
+    settle()
+    assert statuses()["door"] == Status.CHANGED
+    assert high.hide_get()
+
+
+def test_looks_leave_the_file_as_it_is(props):
+    bpy.data.objects["door_high"].modifiers.new("Levels", "SUBSURF")  # of which renders see more
+    baked()
+    bpy.data.objects["lamp_high"].hide_set(True)
+    bpy.context.view_layer.update()
+    before, told = snapshot(), []
+    looks.mark_all()
+    bpy.app.handlers.depsgraph_update_post.append(lambda *_: told.append(dict(looks._marked)))
+    assert settle() == 3
+    bpy.context.view_layer.update()
+    assert difference(before, snapshot()) == {}
+    assert looks._marked == {}
+    bpy.app.handlers.depsgraph_update_post.pop()
+
+
+def test_the_animation_of_a_high_object(props):
+    high = bpy.data.objects["door_high"]
+    high.keyframe_insert("location", frame=1)
+    high.location.z = 0.5
+    high.keyframe_insert("location", frame=10)
+    bpy.context.scene.frame_set(1)
+    baked()
+    bpy.context.scene.frame_set(10)
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    bpy.context.scene.frame_set(1)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_a_painted_texture(props):
+    image = bpy.data.images.new("paint", 8, 8)
+    tree = bpy.data.materials["door"].node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    image.pack()
+    baked()
+    image.pixels.foreach_set(np.full(256, 0.25, np.float32))  # Blender reports nothing
+    image.update()
+    assert settle() == 1
+    assert statuses()["door"] == Status.CHANGED
+
+
+def test_occluders_are_parts_of_each_other(props):
+    use(maps={"AO"}, occluders="ALL", rays=16)
+    baked()
+    grow("door")
+    assert settle() == 3
+    assert statuses() == all_are(Status.CHANGED)
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_a_part_that_is_off_is_no_matter_of_the_set(props):
+    baked()
+    bpy.data.objects["door_low"].imprint_is_baked = False
+    bpy.data.objects["door_low"].update_tag()
+    grow("door")
+    settle()
+    assert set_sign().status == Status.TRUE
+    before = bpy.data.objects["door_low"].imprint.baked
+    bake(changed=True)
+    assert bpy.data.objects["door_low"].imprint.baked == before
+
+
+def test_in_the_window_a_timer_looks_in_slices(props, monkeypatch):
+    baked()
+    grow("door")
+    bpy.context.view_layer.update()
+    monkeypatch.setattr(looks_module, "REST", 0.0)
+    assert looks.tick() in {looks_module.TICK, looks_module.WATCH}
+    assert statuses()["door"] == Status.CHANGED
+    monkeypatch.setattr(looks_module, "REST", 60.0)
+    grow("door")
+    assert looks.tick() == looks_module.TICK
+    assert looks._marked
+    monkeypatch.setattr(display, "current", object())
+    monkeypatch.setattr(looks_module, "REST", 0.0)
+    assert looks.tick() == looks_module.WATCH
+    assert looks._marked
