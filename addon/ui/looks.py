@@ -186,6 +186,7 @@ class Looks:
         """What is known of a part, and whether it is to be looked at again."""
         seen = self._seen.get(part)
         if seen is None:
+            self._places = self._places or _find_places()
             seen = self._seen[part] = Seen(ObjectRef.of(low))
             self._mark(part)
         return seen, part in self._marked
@@ -266,16 +267,13 @@ class Looks:
     def _note_places(self) -> set[int]:
         """The session_uids of the objects that no scene has any more. If others have come, or one has another name, sets are
         resolved again: objects are paired by their names."""
-        places = tuple(
-            (tuple(obj.session_uid for obj in scene.objects), tuple(scene.objects.keys())) for scene in bpy.data.scenes
-        )
-        before, self._places = self._places, places
-        if places == before:
+        before, self._places = self._places, _find_places()
+        if self._places == before:
             return set()
         self.version += 1
         self._resolved.clear()
         self._unwatched, self._hurries = self._round(bpy.context.scene.session_uid), True
-        return {uid for uids, _ in before for uid in uids} - {uid for uids, _ in places for uid in uids}
+        return {uid for uids, _ in before for uid in uids} - {uid for uids, _ in self._places for uid in uids}
 
     def _note_settings(self, scene: bpy.types.Scene) -> None:
         """Mark the parts of the active set if its settings have changed."""
@@ -469,6 +467,13 @@ def is_busy(context: bpy.types.Context) -> bool:
     """Whether something runs that looks would disturb, or slow down."""
     is_playing = context.screen is not None and context.screen.is_animation_playing
     return display.current is not None or live.is_on or is_playing or render_view.is_busy()
+
+
+def _find_places() -> tuple:
+    """The objects of each scene, and their names."""
+    return tuple(
+        (tuple(obj.session_uid for obj in scene.objects), tuple(scene.objects.keys())) for scene in bpy.data.scenes
+    )
 
 
 def _shared_name(one: sets.ImprintSet) -> str:

@@ -8,9 +8,10 @@ import bpy
 
 from ..core.report import Report
 from ..core.sentences import LOOK, NOTE, WRONG
+from ..jobs.part_state import Status
 from ..output import materials
 from ..scene import reading
-from . import bake_results, object_pairs, results
+from . import bake_results, object_pairs, results, signs
 from .fix_buttons import ICONS, RIGHT, SIGNS, Told, draw_told, grouped
 from .held_files import held_files
 from .results import high_objects
@@ -42,6 +43,14 @@ class IMPRINT_PT_results(SidebarPanel, bpy.types.Panel):
         reports = results.all_of(context)
         if reports:
             draw_result(self.layout, reports)
+            _draw_sign(self.layout, context, reports[0].refs[0].find())
+
+
+def _draw_sign(layout: bpy.types.UILayout, context: bpy.types.Context, low: bpy.types.Object) -> None:
+    """What has changed since the last bake of a low object; nothing if nothing has."""
+    found = signs.of_past(context, low)
+    if found.status in {Status.CHANGED, Status.FAILED}:
+        draw_paragraphs(layout, context, [found.text], found.icon)
 
 
 def _draw_left_out(layout: bpy.types.UILayout, context: bpy.types.Context, left_out: Sequence[tuple[str, str]]) -> None:
@@ -121,6 +130,7 @@ def _draw_list(
         number.alignment = "RIGHT"
         text = (message("1 map") if maps == 1 else message("{} maps")).format(maps) + f", {_seconds(reports)}"
         number.label(text=text, translate=False)
+        row.label(text="", icon=signs.of_past(context, low).icon)
         if low.name in alone:
             draw_told(box, context, alone[low.name], is_below_row=True)
     if len(ordered) > MOST:

@@ -9,6 +9,7 @@ from bpy.props import PointerProperty
 
 from ..core.errors import BakeError, shorten_list
 from ..jobs import fixes
+from ..jobs.part_state import Status
 from ..scene import object_checks
 from . import object_pairs, set_lists, set_operators, sets, signs
 from .callbacks import registering, until_change
@@ -204,7 +205,10 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
     draw_paragraphs(box, context, [signs.waiting(context) or sign.text], sign.icon)
     low = set_lists.chosen_low(context)
     if low is not None and low.imprint_is_baked:
-        draw_fixable(box, context, set_lists.part_of(context, one, low).problem, "ERROR", low.name)
+        problem, own = set_lists.part_of(context, one, low).problem, signs.of(context, low)
+        draw_fixable(box, context, problem, "ERROR", low.name)
+        if not problem and number > 1 and own.status in {Status.CHANGED, Status.FAILED}:
+            draw_paragraphs(box, context, [f"{low.name}: {own.text}"], own.icon)
         if object_checks.lacks_uvs(low):
             draw_button(box, fixes.UNWRAP, low.name)
     draw_list(box, context, findings.of_several(context, one.name, lambda: sets.lows(context, one)))

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from addon.jobs.part_state import Status
+from addon.ui import bake_panel, object_pairs, results_panel, sets, signs
 from addon.ui import looks as looks_module
-from addon.ui import sets, signs
 from addon.ui.progress_display import display
 from addon.ui.signs import looks
 from scripts.imprint import ROOT
+from tests.support import panel_layout
 from tests.support.panel import select, use
 from tests.support.snapshot import difference, snapshot
 
@@ -164,7 +165,7 @@ def test_what_is_no_change_for_a_bake_stays_true(props):
     bpy.data.objects["door_high"].show_wire = True
     bpy.data.objects["wheel_low"].select_set(False)
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("new", None))
-    settle()
+    assert settle() == 0
     assert statuses() == all_are(Status.TRUE)
 
 
@@ -474,3 +475,108 @@ def test_in_the_window_a_timer_looks_in_slices(props, monkeypatch):
     monkeypatch.setattr(looks_module, "REST", 0.0)
     assert looks.tick() == looks_module.WATCH
     assert looks._marked
+
+
+def test_panels_say_what_has_changed(props):
+    baked()
+    props.source = "PARTS"
+    for name in NAMES:
+        props.parts.add().object = bpy.data.objects[f"{name}_low"]
+    props.active_part = NAMES.index("door")
+    grow("door")
+    settle()
+    text = panel_layout.draw(panels=[bake_panel.IMPRINT_PT_bake]).text
+    assert "Changed since the bake, 1 of 3 parts: 'door_low'" in text
+    assert "door_low: Changed since the bake: the mesh of 'door_high'" in text
+    select(bpy.data.objects["door_low"])
+    panel_layout.draw(panels=[results_panel.IMPRINT_PT_results])  # its rows ask for the last bakes
+    assert signs.waiting(bpy.context) == "Looked at 3 of 6 parts"
+    settle()
+    text = panel_layout.draw(panels=[results_panel.IMPRINT_PT_results]).text
+    assert "Changed since the bake: the mesh of 'door_high'" in text
+
+
+def test_a_change_of_settings_shows_at_once(props):
+    baked()
+    use(margin=3)
+    bpy.context.scene.update_tag()  # as Blender does for a field of a panel
+    bpy.context.view_layer.update()
+    assert statuses() == all_are(Status.UNKNOWN)
+
+
+def test_a_part_whose_own_size_changes_is_looked_at_once(props):
+    baked()
+    low = bpy.data.objects["door_low"]
+    low.imprint_size = "256"
+    low.update_tag()
+    assert settle() == 1
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+
+
+def test_a_deleted_high_object_of_a_part(props):
+    baked()
+    props.source = "PARTS"
+    for name in NAMES:
+        props.parts.add().object = bpy.data.objects[f"{name}_low"]
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    bpy.data.objects.remove(bpy.data.objects["door_high"])
+    bpy.context.view_layer.update()
+    assert statuses()["door"] == Status.UNKNOWN
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    assert "'door_high'" in show()["door"].text
+
+
+def test_what_failed_is_baked_also_if_nothing_has_changed(props):
+    baked()
+    object_pairs.keep_failure(bpy.data.objects["door_low"], "The disk is full.")
+    assert show()["door"].text == "The disk is full."
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_the_active_set_comes_first_then_what_was_marked_last(props):
+    baked()
+    other = bpy.context.scene.imprint_sets.add()
+    other.name, other.source = "Other", "NAMES"
+    signs.of_set(bpy.context, other)
+    settle()
+    looked, look = [], looks.look
+    looks.look = lambda context, part, asked: (
+        looked.append((part.of_set, asked.job.low_ref.name)),
+        look(context, part, asked),
+    )
+    try:
+        for name in ("lamp", "wheel"):
+            grow(name)
+            bpy.context.view_layer.update()
+        settle()
+    finally:
+        del looks.look
+    own = [("Cart", "wheel_low"), ("Cart", "lamp_low")]
+    assert looked == [*own, ("Other", "wheel_low"), ("Other", "lamp_low")]
+
+
+def test_the_scene_shades(props):
+    use(maps={"AO"}, occluders="SCENE", rays=16)
+    baked()
+    bpy.ops.mesh.primitive_cube_add(location=(0.0, 0.0, 9.0))
+    cube = bpy.context.object
+    assert settle() == 3
+    assert statuses() == all_are(Status.CHANGED)
+    bake(changed=True)
+    assert settle() == 3
+    assert statuses() == all_are(Status.TRUE)
+    cube.location.z = 5.0
+    assert settle() == 3
+    assert statuses() == all_are(Status.CHANGED)
+
+
+def test_a_slice_ends_after_its_time(props):
+    baked()
+    looks.mark_all()
+    before = looks.count
+    assert looks.advance(bpy.context, 1e-9)
+    assert looks.count - before <= 1
