@@ -88,15 +88,19 @@ def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: 
 
 def part_of(meshes: Meshes, material: str = "", samples: int = 1) -> Part:
     """The part of a low mesh that is baked. material: the name of that of its faces; empty for all of them."""
-    low = meshes.low
     return Part.of(
-        low.name,
+        meshes.low.name,
         meshes.uv_layer,
-        low.uv[np.unique(low.triangles)] if material else low.uv,
+        _uvs(meshes.low, material),
         is_own_base=meshes.is_own_base,
         material=material,
         samples=samples if samples > 1 else 0,
     )
+
+
+def _uvs(low: Mesh, material: str) -> np.ndarray:
+    """The UVs of a low mesh, or of its faces with a material, of which the mesh has no others then."""
+    return low.uv[np.unique(low.triangles)] if material else low.uv
 
 
 Faces = tuple[bpy.types.Object, MaterialSet | None]
@@ -177,17 +181,17 @@ class _Search:
         edited = None
         for obj in named:
             for faces in _candidates(obj, part):
-                layout = self._layout(obj, part, faces)
-                if layout == part.layout:
+                layouts = self._layouts(obj, part, faces)
+                if part.layout in layouts:
                     return obj, faces
                 is_meant = faces is None or faces.name == part.material
-                if edited is None and is_meant and all(layout != other.layout for other in parts):
+                if edited is None and is_meant and all(other.layout not in layouts for other in parts):
                     edited = obj, faces
         if edited is not None and (is_sure or self._is_baked(*edited)):
             return edited
         for obj in (*users, *self.lows):
             for faces in _candidates(obj, part):
-                if self._layout(obj, part, faces) == part.layout:
+                if part.layout in self._layouts(obj, part, faces):
                     return obj, faces
         is_worn_no_more = bool(named) and part.material and edited is None
         return (named[0], MaterialSet(part.material, ())) if is_worn_no_more else None
@@ -200,12 +204,13 @@ class _Search:
                     self._by_name.setdefault(obj.name, []).append(obj)
         return self._by_name.get(name, []) if name else []
 
-    def _layout(self, obj: bpy.types.Object, part: Part, faces: MaterialSet | None) -> int | None:
-        """The checksum of the UVs of faces; None without UVs."""
+    def _layouts(self, obj: bpy.types.Object, part: Part, faces: MaterialSet | None) -> tuple[int, ...]:
+        """The checksums of the UVs of faces, also the former one; none without UVs."""
         try:
-            return self._read(obj, part.uv_layer, part.is_own_base, faces)[0].layout
+            own, mesh = self._read(obj, part.uv_layer, part.is_own_base, faces)
         except BakeError:
-            return None
+            return ()
+        return own.layout, shared_maps.former_checksum(_uvs(mesh, own.material))
 
     def _kept(self, obj: bpy.types.Object, faces: MaterialSet | None, of_map: Settings, noted: Part) -> Part:
         """The part of an object that is not baked, as it is now, whose mesh is noted. Raises BakeError if it has no UVs any

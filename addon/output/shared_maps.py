@@ -62,12 +62,29 @@ class Part:
         cls, name: str, uv_layer: str, uv: np.ndarray, *, is_own_base: bool, material: str = "", samples: int = 0
     ) -> "Part":
         """The part of a low mesh with the UVs (C, 2) float32, of the corners of its faces."""
-        return cls(name, uv_layer, is_own_base, zlib.crc32(np.ascontiguousarray(uv)), material, samples)
+        return cls(name, uv_layer, is_own_base, checksum(uv), material, samples)
 
     def is_same(self, other: "Part") -> bool:
         """Whether both are of one low object."""
         is_named = bool(self.name) and (self.name, self.material) == (other.name, other.material)
         return is_named or self.layout == other.layout
+
+
+def checksum(uv: np.ndarray) -> int:
+    """A checksum of UVs (C, 2) that stays where their last bits change, as with each evaluation of Blender's Bevel modifier."""
+    steps = np.floor(np.nan_to_num(uv.astype(np.float64)) * STEPS + 0.37)
+    return zlib.crc32(np.clip(steps, -FARTHEST, FARTHEST).astype(np.int64))
+
+
+STEPS = 173.3
+"""Steps of UVs that count as the same layout, for a tile: no usual UV lies at the end of one."""
+FARTHEST = 2.0**40
+"""In these steps, the farthest UV that is told apart."""
+
+
+def former_checksum(uv: np.ndarray) -> int:
+    """As `checksum`, of all bits, in maps of version 0.3 and earlier."""
+    return zlib.crc32(np.ascontiguousarray(uv))
 
 
 def joined(parts: Sequence[Part], more: Iterable[Part]) -> list[Part]:

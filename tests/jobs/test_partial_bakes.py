@@ -375,6 +375,16 @@ def in_another_file_with_other_uvs(world):
     unwrap_another(world)
 
 
+def in_another_file_with_other_bits(world):
+    """As beveled objects have them with each evaluation."""
+    in_another_file(world)
+    for name in "ac":
+        layer = world.jobs[name].low.data.uv_layers[0].uv
+        uv = np.empty(2 * len(layer), np.float32)
+        layer.foreach_get("vector", uv)
+        layer.foreach_set("vector", np.nextafter(uv, np.float32(2.0)))
+
+
 def in_another_file_without_others(world):
     in_another_file(world)
     for name in "ac":
@@ -505,6 +515,7 @@ CASES = {
     "other UVs in another file": Case(
         FILES, change=in_another_file_with_other_uvs, refused="'a_low', whose UVs are others in this file"
     ),
+    "other bits of UVs in another file": Case(FILES, change=in_another_file_with_other_bits),
     "others are not in another file": Case(
         FILES, change=in_another_file_without_others, refused="'a_low', which is not in this file"
     ),
@@ -561,3 +572,19 @@ def test_other_texels_stay(name, tmp_path):
         )
     assert not before or kept > 100
     assert not before or changed > 50
+
+
+@pytest.mark.parametrize("is_renamed", [False, True])
+def test_maps_of_earlier_versions_tell_their_parts(is_renamed, tmp_path, monkeypatch):
+    """Their records have checksums of all bits."""
+    world = build(tmp_path, FILES)
+    with monkeypatch.context() as former:
+        former.setattr(shared_maps, "checksum", shared_maps.former_checksum)
+        world.bake()
+    world.bend()
+    (rename_low if is_renamed else in_another_file)(world)
+    before = world.stored()
+    world.bake(world.again)
+    for (material, of_map, tile), texels in world.stored().items():
+        is_others = np.isin(world.owners(material, tile), [0, 2])
+        np.testing.assert_array_equal(texels[is_others], before[material, of_map, tile][is_others])
