@@ -10,6 +10,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, part_state
 from addon.jobs.live_session import Session
 from addon.jobs.part_state import State, Status
+from addon.scene import render_view
 from addon.ui import object_pairs
 from scripts.bench import stale_signs
 from tests.support import part_edits, zoo
@@ -169,3 +170,23 @@ def test_a_texture_that_another_program_writes(is_loaded, tmp_path):
         assert part_edits.is_same(before, after) != is_new
         assert part.changes() == []
         before = after
+
+
+def test_a_look_leaves_the_scene_alone_where_renders_see_the_same(monkeypatch, tmp_path):
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    seen = []
+    monkeypatch.setattr(render_view, "read", lambda *_: seen.append("render") or [])
+    assert found(job, settings) == []
+    job.highs[0].hide_set(True)  # as after a bake
+    assert found(job, settings) == []
+    assert not seen
+    monkeypatch.undo()
+    job.highs[0].modifiers.new("Subdivision", "SUBSURF").render_levels = 3
+    assert found(job, settings) == ["the mesh of 'brick_high'"]
+    bake(job, settings)
+    assert found(job, settings) == []
+    job.highs[0].modifiers[0].render_levels = 1
+    assert found(job, settings) == ["the mesh of 'brick_high'"]
+    job.highs[0].modifiers[0].render_levels, job.highs[0].modifiers[0].levels = 3, 3
+    assert found(job, settings) == []
