@@ -555,6 +555,7 @@ def test_the_worst_group_is_first():
         ("c", Told("'c' is wrong.", WRONG)),
         ("d", Told("5% of 'd' overlap.", WRONG, share=0.05)),
         ("e", Told("50% of 'e' overlap.", WRONG, share=0.5)),
+        ("f", Told("'f' is odd.", NOTE)),
         ("", Told("Nothing is called 'f'.", WRONG)),
         ("", Told("Nothing is called 'g'.", WRONG)),
     ]
@@ -563,7 +564,14 @@ def test_the_worst_group_is_first():
         ("In 2 low objects: Nothing is called 'f'.", ()),
         ("'c' is wrong.", ("c",)),
         ("In 2 low objects: 'a' is odd.", ("a", "b")),
+        ("'f' is odd.", ("f",)),
     ]
+
+
+@pytest.mark.parametrize("harm", [WRONG, LOOK, NOTE])
+def test_the_sign_of_a_pair_is_that_of_the_worst(harm):
+    assert bake_panel._sign("", [Told("It.", harm)]) == (ICONS[harm] if harm is not NOTE else RIGHT)
+    assert bake_panel._sign("It cannot be baked.", []) == ICONS[WRONG]
 
 
 def test_a_row_knows_the_worst_before_and_after_the_bake():
@@ -623,6 +631,7 @@ def test_low_objects_of_pairs_are_left_out_too():
     made["one"].imprint.put([made["two"]])
     select(made["one"], made["two"])  # it is a high object of this pair
     assert chosen() == {"one": ["two"]}
+    assert "Left out" not in panel_layout.draw(width=4000, panels=PANEL).text
 
 
 def test_a_set_is_made_of_all_with_one_press():
