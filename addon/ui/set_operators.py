@@ -369,11 +369,11 @@ def bake_sets(
             try:
                 yield from relay(part(steps, begun, end), noted)
             except BakeError as error:
-                for job in set_job.wanted(only):
-                    object_pairs.keep_failure(job.low, str(error))
+                for low in filter(None, (job.low_ref.find() for job in set_job.wanted(only))):
+                    object_pairs.keep_failure(low, str(error))
                 if all(reason != str(error) for _, reason in done.left_out):
                     done.left_out.append(("", str(error)))
-    except GeneratorExit:  # the maps that are done stay
+    except (GeneratorExit, MemoryError):  # the maps that are done stay
         results.remember(done.reports)
         raise
     if not done.reports and done.left_out:

@@ -202,9 +202,9 @@ def test_a_part_that_is_off_is_not_baked_and_says_nothing(props):
         "crate_low",
         "lid_low",
     ]
-    props["lid_low"].data.uv_layers.remove(props["lid_low"].data.uv_layers[0])
-    assert sets.resolve(bpy.context, sets.active(bpy.context)).left_out == ()
     props["lid_low"].imprint.put([props["crate_low"]])
+    assert sets.resolve(bpy.context, sets.active(bpy.context)).left_out == ()
+    props["lid_low"].data.uv_layers.remove(props["lid_low"].data.uv_layers[0])
     assert sets.resolve(bpy.context, sets.active(bpy.context)).left_out == ()
 
 

@@ -7,6 +7,8 @@ import math
 import bpy
 import pytest
 
+from addon.core.progress import Pace
+from addon.ui import set_operators
 from tests.support.panel import use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -177,6 +179,39 @@ def test_a_part_whose_maps_cannot_be_stored(props, tmp_path):
     new_set("One", "a_low", "b_low")
     baked, left_out = bake()
     assert (baked, list(left_out)) == ({"b_low"}, ["a_low"])
+
+
+def test_an_object_that_is_deleted_while_sets_are_baked(props):
+    """It ends its set, and the others are baked."""
+    for name in "abc":
+        new_set(name, f"{name}_low")
+    task = set_operators.bake_sets(bpy.context, set_operators.chosen(bpy.context, ""), Pace())
+    while not next(task).report:
+        pass
+    bpy.data.objects.remove(props["b_low"])
+    with pytest.raises(StopIteration) as end:
+        while True:
+            next(task)
+    done = end.value.value
+    assert [report.low for report in done.reports] == ["a_low", "c_low"]
+    assert [reason for _, reason in done.left_out] == [
+        "'b_low' was deleted: bring it back with Undo, or choose another object."
+    ]
+
+
+def test_a_lack_of_memory_keeps_what_is_done(props, monkeypatch):
+    for name in "ab":
+        new_set(name, f"{name}_low")
+    work, begun = set_operators.set_jobs.work, []
+
+    def failing(context, set_job, pace, **more):
+        begun.append(set_job.name)
+        if len(begun) > 1:
+            raise MemoryError
+        return work(context, set_job, pace, **more)
+
+    monkeypatch.setattr(set_operators.set_jobs, "work", failing)
+    assert bake()[0] == {"a_low"}
 
 
 def test_nothing_but_mistakes_is_an_error():
