@@ -12,7 +12,6 @@ from ..audit import severity
 from ..core import progress
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARGIN, MISSED, NORMAL, Labeled, Map
-from ..core.naming import ATLAS
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.sentences import WRONG, Sentence
@@ -149,7 +148,9 @@ class Atlas:
             for low, drawn in zip(lows, self.drawn, strict=True)
         ]
         if self.settings.storing.one_material:
-            self._warnings[0] += one_material.put(shown, self.settings, ATLAS if len(lows) > 1 else lows[0].name)
+            self._warnings[0] += one_material.put(
+                shown, self.settings, self.texture.name if len(lows) > 1 else lows[0].name
+            )
             return
         layers = self._layers(lows)
         for each, drawn, warnings in zip(shown, self.drawn, self._warnings, strict=True):

@@ -88,6 +88,11 @@ class IMPRINT_OT_sets_to_job_file(FileOperator, bpy.types.Operator):
     filter_glob: file_filter("*.toml;*.json")
     check_existing: warning_of_files()
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.filepath and bpy.data.filepath:
+            self.filepath = str(Path(bpy.data.filepath).with_suffix(ENDINGS[0]))
+        return super().invoke(context, event)
+
     def apply(self, context: bpy.types.Context) -> str:
         if not bpy.data.filepath:
             raise BakeError("The job file names the .blend: save it first.")

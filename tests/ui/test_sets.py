@@ -193,6 +193,12 @@ def test_images_are_named_after_what_shares_them(props, textures, engine, named,
         assert {path.name for path in tmp_path.glob("*_N.png")} == {f"{name}.png" for name in named}
 
 
+def test_one_material_is_named_after_the_set(props):
+    new_set(props["crate_low"], props["lid_low"], textures="ONE").own.one_material = True
+    assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
+    assert [props[name].active_material.name for name in ("crate_low", "lid_low")] == ["Prop", "Prop"]
+
+
 def test_a_part_that_is_off_is_not_baked_and_says_nothing(props):
     new_set(props["crate_low"], props["lid_low"], textures="ONE")
     props["lid_low"].imprint_is_baked = False
