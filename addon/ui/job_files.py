@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -55,12 +56,16 @@ def _path(path: str, folder: Path) -> str:
 def _toml(value: Any) -> str:
     """A value as TOML."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(key)} = {_toml(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, str):  # TOML has the escapes of JSON, and one character more that it refuses
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return json.dumps(value)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
 def read(path: Path) -> Iterator[dict[str, Any]]:
@@ -168,6 +173,9 @@ def _take(context: bpy.types.Context, made: JobSet, folder: Path) -> ImprintSet:
         if part.low not in made.by_name:
             put_pair(context, low, highs or [low], cage)
         low.imprint_size, low.imprint_distance, low.imprint_is_baked = str(part.size), part.distance, part.is_on
+        for name, size in part.sizes:
+            if name in bpy.data.materials:
+                bpy.data.materials[name].imprint_size = str(size)
         for material, size in part.sizes:
             if material in bpy.data.materials:
                 bpy.data.materials[material].imprint_size = str(size)

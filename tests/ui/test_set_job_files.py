@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import job_file
+from addon.cli import command, job_file
 from addon.ui import job_files, object_pairs, sets
 from tests.support import maps, zoo
 from tests.support.panel import refusal, select, use
@@ -58,13 +58,15 @@ def bake(tmp_path):
     return files(tmp_path / "maps")
 
 
-def there_and_back(path):
+def there_and_back(path, *materials):
     """Write the sets, and take them into an empty list."""
     assert bpy.ops.imprint.sets_to_job_file(filepath=str(path)) == {"FINISHED"}
     bpy.context.scene.imprint_sets.clear()
     for obj in bpy.data.objects:  # in an empty file, too
         obj.property_unset("imprint")
         obj.property_unset("imprint_distance")
+    for material in materials:
+        material.imprint_size = "0"
     assert bpy.ops.imprint.sets_from_job_file(filepath=str(path)) == {"FINISHED"}
 
 
@@ -73,13 +75,14 @@ def there_and_back(path):
 @pytest.mark.parametrize("engine", ["", "Unreal Engine"])
 def test_the_same_sets_and_maps(props, tmp_path, textures, ending, engine):
     props.textures = textures
-    material = bpy.data.materials.new("Wood")
+    material = bpy.data.materials.new("Old “Wood”.001")
+    material.imprint_size = "256"
     for part in props.parts:
         part.object.data.materials.append(material)
     if engine:
         props.own.engine = engine
     before, settings, jobs = bake(tmp_path), props.settings, sets.resolve(bpy.context, props).jobs
-    there_and_back(tmp_path / "jobs" / f"all.{ending}")
+    there_and_back(tmp_path / "jobs" / f"all.{ending}", material)
     one = sets.active(bpy.context)
     assert (one.name, one.textures) == ("Prop, “first”", textures)
     assert [(job.low, job.highs, job.distance) for job in sets.resolve(bpy.context, one).jobs] == [
@@ -103,6 +106,25 @@ def test_a_shell_understands_what_is_written(props, tmp_path):
     assert tomllib.loads((tmp_path / "all.toml").read_text("utf-8")) == json.loads(
         (tmp_path / "all.json").read_text("utf-8")
     )
+
+
+@pytest.mark.parametrize("textures", ["PART", "MATERIAL", "ONE"])
+@pytest.mark.parametrize("engine", ["", "Unreal Engine"])
+def test_a_shell_writes_the_files_of_the_window(props, tmp_path, textures, engine):
+    props.textures = textures
+    if engine:
+        props.own.engine = engine
+    materials = [bpy.data.materials.new(name) for name in ("Wood", "Steel")]
+    for number, part in enumerate(props.parts):
+        part.object.data.materials.append(materials[number == 1])
+    bpy.ops.wm.save_mainfile()
+    assert bpy.ops.imprint.sets_to_job_file(filepath=str(tmp_path / "all.toml")) == {"FINISHED"}
+    before = bake(tmp_path)
+    assert command.run(["--jobs", str(tmp_path / "all.toml"), "--quiet"]) == 0
+    after = files(tmp_path / "maps")
+    assert after.keys() == before.keys()
+    for name, texels in before.items():
+        np.testing.assert_array_equal(after[name], texels, err_msg=name)
 
 
 @pytest.mark.parametrize("ending", ["toml", "json"])

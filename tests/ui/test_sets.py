@@ -129,7 +129,7 @@ class TestAdd:
         assert (tracing.method, tracing.extrusion, tracing.max_distance) == pytest.approx(("CAST", 0.2, 0.7))
 
     def test_measured_distances_of_a_pair_stay_measured(self, props):
-        use(measure=False)
+        use(measure=False, extrusion=0.5)
         settings = {"method": "CAST", "extrusion": None, "max_distance": None}
         object_pairs.remember_objects(props["crate_low"], [props["crate_high"]], None, settings, {"extrusion": 0.3})
         added(props["crate_low"])
