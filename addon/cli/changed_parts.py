@@ -49,11 +49,11 @@ def look(
     if options.convert or options.levels or options.asset or options.frames or options.pack_uvs:
         return NONE
     before = _of_record(options, record, contents)
-    known: dict[str, dict[int, str]] = {}
+    known: dict[str, dict[int, Any]] = {}
 
     def is_true(job: Job, then: str, of_job: Settings, whose: str) -> bool:
         state = State.of_json(then) if then else None
-        if state is None or not state.pieces:
+        if state is None:
             return False
         looked = part_state.look(
             bpy.context, job, of_job, then=state, jobs=jobs, known=known.setdefault(whose, {}), **shared

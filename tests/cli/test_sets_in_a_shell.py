@@ -327,6 +327,9 @@ def test_changed_bakes_the_parts_that_have_changed(props):
     assert changed() == (["lid_low"], "done", LOWS)
     second = contents()
     assert [name for name in first if first[name] != second[name]] == ["lid_low.png"]
+    edit("sculpt")
+    assert changed() == (["bolt_low"], "done", LOWS)
+    second = contents()
     run("props.blend", "--set", "Crate", "--force")
     assert contents() == second
     assert changed() == ([], "resumed", LOWS)
