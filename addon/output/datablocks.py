@@ -122,11 +122,11 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
 def show_packed(name: str, path: str, *, color_space: str = "") -> bpy.types.Image:
     """The image `name`, made if missing, packed, with the content of the file at `path`, as `fill` has packed it."""
     image = get(name) or bpy.data.images.new(name, 1, 1, alpha=True, is_data=True)
-    content = Path(path).read_bytes()
     _forget_pixels(image)
     image.source = "FILE"
-    image.filepath_raw = ""  # setting filepath would load the file
-    image.pack(data=content, data_len=len(content))
+    image.filepath_raw = path  # setting filepath would load the file
+    image.pack()
+    image.filepath_raw = image.packed_files[0].filepath = ""
     keep_values(image, color_space)
     _keep(image)
     return image

@@ -28,6 +28,7 @@ Find = Callable[[str, str], bpy.types.Object | None]
 """The object with a name, and the path of its library, or empty, when the journal was written; None if it is gone."""
 SHOW, PACKED = "datablocks.show", "datablocks.show_packed"
 """The functions whose first argument is the name of an image."""
+PUT = "atomic_file.put"
 _KIND = "imprint"
 """The key of plain data with the name of what it stands for."""
 _functions: dict[str, Callable] = {}
@@ -199,14 +200,28 @@ def images_of(calls: Iterable[list]) -> list[str]:
 
 def files_of(calls: Iterable[list]) -> list[str]:
     """The paths of the files that the calls of a journal replace."""
-    return [arguments[1] for name, arguments, _ in calls if name == "atomic_file.put"]
+    return [arguments[1] for name, arguments, _ in calls if name == PUT]
 
 
-def replay(calls: Iterable[list], find: Find) -> None:
-    """Do what a journal has noted. Raises BakeError; then no file was replaced."""
+def replay(calls: Iterable[list], find: Find) -> Iterator[None]:
+    """Do what a journal has noted: first all files at once, or none, and then one call after the other. Yields between them.
+
+    Raises BakeError if a file cannot be replaced. All objects_of the calls must be there.
+    """
+    calls = list(calls)
     with atomic_file.all_or_none():
-        for name, arguments, options in calls:
-            _functions[name](*_real(arguments, find), **_real(options, find))
+        for call in calls:
+            if call[0] == PUT:
+                _do(call, find)
+    for call in calls:
+        if call[0] != PUT:
+            yield
+            _do(call, find)
+
+
+def _do(call: list, find: Find) -> None:
+    name, arguments, options = call
+    _functions[name](*_real(arguments, find), **_real(options, find))
 
 
 def _real(value: Any, find: Find) -> Any:

@@ -11,6 +11,7 @@ Undo: they are put back after it.
 """
 
 import json
+import math
 import os
 import tempfile
 import time
@@ -52,6 +53,8 @@ PROGRAM = (
 """What the process does. Imprint is enabled in no other way there."""
 LOOK_EVERY = 0.1
 """Seconds between two looks at the process."""
+MOST_AT_ONCE = 0.01
+"""Seconds after which what has arrived goes into the file at the next look."""
 LONGEST_CANCEL = 3.0
 """Seconds for a set that was canceled to end, before its process is killed."""
 LONGEST_END = 2.0
@@ -227,6 +230,8 @@ class Queue:
         self._made: Made | None = None
         """What waits until the file may be changed."""
         self._runs: list[Run] = []
+        self._putting: Iterator[None] | None = None
+        """The steps that put it there, once they have begun."""
         self._taken: list[Made] = []
         """What has arrived, to put it back after Undo."""
         self._written: dict[str, tuple] = {}
@@ -234,7 +239,7 @@ class Queue:
         self._cancel_by = 0.0
         self._drawn: list[tuple] = []
         self.timer = Timer(self.tick)
-        events.hear(end=self.end, undo_post=self._after_undo, redo_post=self._after_undo)
+        events.hear(end=self.end, undo_post=self._after_undo, redo_post=self._after_undo, save_pre=self._before_saving)
 
     # What the window asks for
 
@@ -303,7 +308,9 @@ class Queue:
         return LOOK_EVERY if is_busy else None
 
     def _look(self) -> None:
-        if self._made is not None:
+        if self._putting is not None:
+            self._go_on()
+        elif self._made is not None:
             self._arrive()
         with suppress(Empty):
             while self._made is None:
@@ -327,7 +334,7 @@ class Queue:
                 self._arrive()
             case ["ended", ended, why, left_out, calls]:
                 with suppress(BakeError):  # an object is gone
-                    journal.replay(calls, process.run.find)
+                    _exhaust(journal.replay(calls, process.run.find))
                 self._ended(ended, why, left_out)
             case Gone():
                 process.gone_at = time.monotonic()
@@ -410,7 +417,8 @@ class Queue:
 
     def _stop(self) -> None:
         """End the process at once, and remove what it leaves."""
-        process, self._process, self._made, self._cancel_by = self._process, None, None, 0.0
+        process, self._process, self._cancel_by = self._process, None, 0.0
+        self._made = self._putting = None
         if process is None:
             return
         process.close(0.0)
@@ -435,23 +443,43 @@ class Queue:
         made = self._made
         if _must_wait(made):
             return
-        self._made = None
         problem = self._newer(made)
-        if not problem:
-            try:
-                _put(made)
-            except BakeError as error:
-                problem = str(error)
-            else:
-                self._note(made)
+        if problem:
+            self._arrived(problem)
+        else:
+            self._putting = _put(made)
+            self._go_on()
+
+    def _go_on(self, most: float = MOST_AT_ONCE) -> None:
+        """Put more of what was made into the file. most: seconds after which no more is begun."""
+        end = time.perf_counter() + most
+        try:
+            for _ in self._putting:
+                if time.perf_counter() > end:
+                    return
+        except BakeError as error:
+            self._arrived(str(error))
+        else:
+            self._note(self._made)
+            self._arrived("")
+
+    def _arrived(self, problem: str) -> None:
+        """What was made is in the file, or not, for a reason in a sentence."""
+        self._made = self._putting = None
         self._process.answer({"problem": problem})
+
+    def _before_saving(self, *_) -> None:
+        """No file has half of what was made."""
+        if self._putting is not None:
+            self._go_on(math.inf)
 
     def _newer(self, made: Made) -> str:
         """Why what was made would replace something newer, in a sentence; empty if it would not."""
         run = made.run
+        gone = [name for name, library in journal.objects_of(made.calls) if run.find(name, library) is None]
+        if gone or None in _lows(made):
+            return "A low object was deleted during the bake, so its maps were left out."
         for low in _lows(made):
-            if low is None:
-                return "A low object was deleted during the bake, so its maps were left out."
             if run.baked.get(low.session_uid, "") != _baked(low):
                 return f"{low.name!r} was baked again meanwhile: these newer maps stay."
         for name in journal.images_of(made.calls):
@@ -479,11 +507,13 @@ class Queue:
 
     def _after_undo(self, *_) -> None:
         """Put back what Undo took: the window did it in no step."""
+        if self._putting is not None:
+            self._putting = _put(self._made, again=True)
         for made in self._taken:
             lows = [low for low in _lows(made) if low is not None]
             if lows and all(_baked(low) < made.baked for low in lows):
                 with suppress(BakeError):
-                    _put(made, again=True)
+                    _exhaust(_put(made, again=True))
 
 
 queue = Queue()
@@ -630,10 +660,17 @@ def _in_strokes() -> Iterator[bpy.types.Object]:
             yield active
 
 
-def _put(made: Made, *, again: bool = False) -> None:
-    """Put what was made into the file. again: after Undo, which leaves files as they are. Raises BakeError."""
+def _exhaust(steps: Iterator[None]) -> None:
+    """Take all steps."""
+    for _ in steps:
+        pass
+
+
+def _put(made: Made, *, again: bool = False) -> Iterator[None]:
+    """Put what was made into the file, in steps. again: after Undo, which leaves files as they are. Raises BakeError."""
     calls = [each for each in made.calls if not again or each[0] != "atomic_file.put"]
-    journal.replay(_moved(calls, made.run.setup), made.run.find)
+    yield from journal.replay(_moved(calls, made.run.setup), made.run.find)
+    yield
     known = {each.name for each in fields(Report)}
     reports = []
     for plain in made.reports:
