@@ -18,6 +18,8 @@ MAP, CONTENT = "imprint_map", "imprint_content"
 """Custom properties of images of maps: what tells the map from others, whatever the image is called, and what Imprint has
 written last."""
 
+IN_MEMORY = "in memory"
+
 
 class Written(StrEnum):
     """Why an image does not show what Imprint has written."""
@@ -90,4 +92,5 @@ def pack_unpacked() -> None:
 
 
 def _content(image: bpy.types.Image) -> str:
-    return " ".join(content_keys.of_stored(image))
+    """What an image shows. Strokes on one that is only in memory do not count: reading its pixels takes too long."""
+    return IN_MEMORY if image.source == "GENERATED" else " ".join(content_keys.of_stored(image))

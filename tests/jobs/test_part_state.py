@@ -10,7 +10,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, part_state
 from addon.jobs.live_session import Session
 from addon.jobs.part_state import State, Status
-from addon.scene import render_view
+from addon.scene import content_keys, render_view
 from addon.ui import object_pairs
 from scripts.bench import stale_signs
 from tests.support import part_edits, zoo
@@ -190,3 +190,42 @@ def test_a_look_leaves_the_scene_alone_where_renders_see_the_same(monkeypatch, t
     assert found(job, settings) == ["the mesh of 'brick_high'"]
     job.highs[0].modifiers[0].render_levels, job.highs[0].modifiers[0].levels = 3, 3
     assert found(job, settings) == []
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+def test_packed_files_are_hashed_where_blender_has_them(is_float, tmp_path):
+    image = bpy.data.images.new("packed", 64, 64, alpha=True, float_buffer=is_float)
+    image.pixels.foreach_set(np.random.default_rng(1).random(64 * 64 * 4, np.float32))
+    image.pack()
+    image.use_fake_user = True
+    keys = []
+    for _ in range(2):
+        (file,) = (each.packed_file for each in bpy.data.images["packed"].packed_files)
+        assert bytes(content_keys._memory_of(file)) == file.data
+        keys.append(content_keys.of_packed(file))
+        part_edits.open_again(tmp_path)
+    assert keys[0] == keys[1]
+
+
+@pytest.mark.parametrize("storage", ["PACK", "MEMORY", "FILE"])
+def test_maps_stay_true_through_saving_and_tell_edits(storage, tmp_path):
+    job, path = pair(), tmp_path / "brick.png"
+    settings = Settings(**SAME, storage=storage, output=str(path) if storage == "FILE" else "")
+    names = [obj.name for obj in (job.low, *job.highs)]
+    bake(job, settings)
+    assert found(job, settings) == []
+    part_edits.open_again(tmp_path)
+    job = Job(bpy.data.objects[names[0]], [bpy.data.objects[names[1]]])
+    assert found(job, settings) == []
+    image = job.low.imprint.maps[0].image
+    if storage == "FILE":
+        content = path.read_bytes()
+        path.unlink()
+        assert found(job, settings) == [f"the file of {image.name!r} is gone"]
+        path.write_bytes(content)
+        assert found(job, settings) == []
+        path.write_bytes(content + b" ")
+    else:
+        image.pixels[0] = 0.25
+        image.pack()
+    assert found(job, settings) == [f"the image {image.name!r} was edited"]

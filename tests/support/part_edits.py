@@ -584,7 +584,13 @@ def _save(part: Part) -> str:
 
 
 def _reopened(part: Part) -> None:
-    bpy.ops.wm.open_mainfile(filepath=_save(part))
+    open_again(part.folder)
+
+
+def open_again(folder: Path) -> None:
+    """Save the open file in a folder, and open it."""
+    path = scenes.save(folder / f"part{len(list(folder.iterdir()))}.blend")
+    bpy.ops.wm.open_mainfile(filepath=path)
 
 
 def _appended(part: Part, *, link: bool = False) -> None:
