@@ -47,9 +47,16 @@ def check_storage(low_name: str, settings: Settings) -> None:
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
         raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
-    for path in filter(None, (output, _packed_tiles(settings))):
-        image_file.check_format(path)
+    if packed := _packed_tiles(settings):
+        try:
+            image_file.check_format(packed)
+        except BakeError as error:
+            raise BakeError(
+                "UDIM tiles that are packed with more than 8 bits are OpenEXR files, for which this Blender lacks the Python "
+                "module OpenImageIO: set Depth to 8, or Store to File with a PNG file."
+            ) from error
     if output:
+        image_file.check_format(output)
         check_writable(_absolute(output))
 
 

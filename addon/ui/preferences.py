@@ -34,7 +34,7 @@ class IMPRINT_AP_preferences(bpy.types.AddonPreferences):
 
     gpu_memory: labeled(
         IntProperty,
-        "GPU Memory",
+        "GPU Memory (MiB)",
         "GPU memory for the maps of a bake, in MiB. Bakes that need more are drawn in more parts. Meshes and images need "
         "memory beside it",
         default=allocation.BUDGET // 2**20,

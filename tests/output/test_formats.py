@@ -426,7 +426,7 @@ def test_a_blender_without_openimageio_names_it_before_the_bake_and_writes_png(t
             continue
         with pytest.raises(BakeError, match="lacks the Python module OpenImageIO, .*: choose PNG, or install"):
             outputs.check_storage("low", settings)
-    with pytest.raises(BakeError, match="OpenImageIO"):
+    with pytest.raises(BakeError, match="OpenImageIO: set Depth to 8, or Store to File with a PNG file"):
         outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=32))
     outputs.check_storage("low", Settings(storage="PACK", udim=True, depth=8))
     assert sys.path == path
