@@ -312,7 +312,9 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         layout, settings, rows = self.layout, context.scene.imprint, Rows(context)
         row = layout.row()
         row.enabled = display.current is None and not live.is_on
-        row.prop(settings, "bakes", expand=True)
+        row.row(align=True).prop(settings, "bakes", expand=True)
+        if settings.bakes != "SETS":  # with sets, it is beside their list
+            row.operator("imprint.set_add", text="", icon="ADD")
         if settings.bakes == "SETS" and not live.is_on:
             _draw_set(layout, context, rows)
         else:
@@ -405,9 +407,7 @@ def _draw_slots(layout: bpy.types.UILayout, settings: ImprintSettings, sign: str
     buttons.operator("imprint.high_remove", text="", icon="REMOVE")
     layout.prop(settings, "low")
     row = layout.row()
-    buttons = row.row(align=True)
-    buttons.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
-    buttons.operator("imprint.set_add", text=label("Make Set"), translate=False, icon="ADD")
+    row.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
     row.label(text="", icon=sign)
 
 
@@ -465,7 +465,7 @@ def _draw_several(
 
 
 def _draw_left_out(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:
-    """Which selected objects are left out since they are low ones, too. Make Set takes all."""
+    """Which selected objects are left out since they are low ones, too. A set takes all."""
     lows = several.others(context, chosen.panel, chosen.low) if chosen.panel.low is None else []
     if lows:
         text = message("Left out, since a name or a pair calls them low: {}").format(named(low.name for low in lows))

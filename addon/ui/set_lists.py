@@ -12,8 +12,12 @@ from . import bake_queue, object_pairs, sets, signs
 from .callbacks import until_change
 from .properties import Named
 from .sets import ImprintPart, ImprintSet
-from .texts import message
+from .texts import font_size, message, room, text_width
 
+BESIDE_NAMES = 96.0
+"""What a check box, a sign, buttons and margins take of a row, in pixels at a scale of 1."""
+GAP, MOST_OF_LOW = 12.0, 0.75
+"""The space beside a name, in pixels at a scale of 1; and the share of a row from which a name has it alone."""
 Item = ImprintPart | bpy.types.Object
 """An item of the list of parts: of the set's own list, or an object of the scene or of a collection."""
 
@@ -94,11 +98,15 @@ class IMPRINT_UL_parts(bpy.types.UIList):
         row.prop(low, "imprint_is_baked", text="")
         names = row.row(align=True)
         names.active = low.imprint_is_baked
-        split = names.split(factor=0.6, align=True)
-        split.label(text=low.name, translate=False)
-        highs = split.row(align=True)
-        highs.active = False
-        highs.label(text=part.short(low), translate=False)
+        share = (text_width(low.name, font_size(1.0)) + GAP) / max(1.0, room(context) - BESIDE_NAMES)
+        if share > MOST_OF_LOW:  # the name of the low object comes first
+            names.label(text=low.name, translate=False)
+        else:
+            split = names.split(factor=share, align=True)
+            split.label(text=low.name, translate=False)
+            highs = split.row(align=True)
+            highs.active = False
+            highs.label(text=part.short(low), translate=False)
         if low.imprint_size != "0":
             size = row.row(align=True)
             size.alignment = "RIGHT"

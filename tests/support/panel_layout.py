@@ -13,6 +13,8 @@ from addon.ui.texts import SidebarPanel
 class Layout:
     """A layout that records what a panel draws, and checks that its properties, operators and icons exist."""
 
+    context = None
+    """Of what is drawn, which lists and menus get, too."""
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
     def __init__(self, drawn=None, is_in_row=False, enabled=True, active=True):
@@ -71,7 +73,7 @@ class Layout:
 
     def menu(self, name, icon="NONE", **_):
         assert icon in self.ICONS
-        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), bpy.context)
+        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), self.context)
 
     def popover(self, panel, icon="NONE", **_):
         assert icon in self.ICONS
@@ -123,9 +125,9 @@ class Layout:
         self.drawn.rows.append((name, rows))
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
         shown, items = SimpleNamespace(bitflag_filter_item=1, filter_name=""), list(getattr(data, name))
-        flags = kind.filter_items(shown, bpy.context, data, name)[0] if hasattr(kind, "filter_items") else []
+        flags = kind.filter_items(shown, self.context, data, name)[0] if hasattr(kind, "filter_items") else []
         for item in (item for item, flag in zip(items, flags or [1] * len(items), strict=True) if flag):
-            kind.draw_item(None, bpy.context, Layout(self.drawn), data, item, 0, active_data, active_name)
+            kind.draw_item(None, self.context, Layout(self.drawn), data, item, 0, active_data, active_name)
 
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS
@@ -181,6 +183,7 @@ def context_of(width, ui_scale=1.0):
 def draw(width=240, ui_scale=1.0, panels=PANELS):
     """Draw panels as the sidebar does. Returns what was drawn."""
     layout, context = Layout(), context_of(width, ui_scale)
+    Layout.context = context
     for panel in panels:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue

@@ -52,14 +52,17 @@ class Wheel:
 
     def __init__(self):
         self.notches, self._top = 0, 0.0
+        self.places: dict[str, float] = {}
+        """How far buttons are from the top of all panels, in pixels, where they were pressed last."""
 
     def begin(self) -> None:
         """Count from now on, with the sidebar at its top."""
         self.notches, self._top = 0, 0.0
 
-    def reach(self, sidebar: bpy.types.Region, y: int) -> None:
+    def reach(self, sidebar: bpy.types.Region, button: str, y: int) -> None:
         """Note that a button was used. y: where it is now, in pixels from the lower edge of the sidebar."""
-        at, edge = sidebar.view2d.region_to_view(0, y)[1], STEP * bpy.context.preferences.system.ui_scale
+        at = self.places[button] = sidebar.view2d.region_to_view(0, y)[1]
+        edge = STEP * bpy.context.preferences.system.ui_scale
         beyond = max(at + edge - self._top, min(0.0, at - edge - (self._top - sidebar.height)), key=abs)
         if at + edge > self._top or at - edge < self._top - sidebar.height:
             number = math.ceil(abs(beyond) / (NOTCH * bpy.context.preferences.system.ui_scale))
@@ -93,7 +96,7 @@ def press(button: str) -> Iterator[float]:
     yield from find(button)
     whole, area, _ = view()
     sidebar = next(region for region in area.regions if region.type == "UI")
-    wheel.reach(sidebar, whole.height - _seen[button][1] - sidebar.y)
+    wheel.reach(sidebar, button, whole.height - _seen[button][1] - sidebar.y)
     mouse("click", 1)
     yield 0.3
 
