@@ -72,14 +72,14 @@ class Part:
 
 def checksum(uv: np.ndarray) -> int:
     """A checksum of UVs (C, 2) that stays where their last bits change, as with each evaluation of Blender's Bevel modifier."""
-    steps = np.floor(np.nan_to_num(uv.astype(np.float64)) * STEPS + 0.37)
-    return zlib.crc32(np.clip(steps, -FARTHEST, FARTHEST).astype(np.int64))
+    within = np.clip(np.nan_to_num(uv.astype(np.float64)), -FARTHEST, FARTHEST)
+    return zlib.crc32(np.floor(within * STEPS + 0.37).astype(np.int64))
 
 
 STEPS = 173.3
 """Steps of UVs that count as the same layout, for a tile: no usual UV lies at the end of one."""
 FARTHEST = 2.0**40
-"""In these steps, the farthest UV that is told apart."""
+"""The farthest UV that is told apart."""
 
 
 def former_checksum(uv: np.ndarray) -> int:
