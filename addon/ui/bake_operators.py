@@ -2,7 +2,7 @@
 """The buttons Bake Maps and Live, and what operators that bake share."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
@@ -59,16 +59,14 @@ def bake_several(
     pace: Pace,
     left_out: Sequence[tuple[str, str]] = (),
 ) -> Task[Several]:
-    """Bake several low objects: into one image if the panel has it set, which is whole or is not baked, or into one each,
-    without those that cannot be baked.
+    """Bake several low objects: into one image, or one for each material, if the panel has it set, which is whole or is not
+    baked; or into one each, without those that cannot be baked.
 
     left_out: what is known of these.
     """
-    done = Several([], [*left_out])
-    if context.scene.imprint.share_image:
-        reports = yield from bake_jobs.work(context, jobs, settings, pace, share_image=True)
-        return replace(done, reports=reports)
-    jobs = _ready(context, jobs, weights.settings_by_job(jobs, settings), done.left_out)
+    done, shares = Several([], [*left_out]), context.scene.imprint.share_image
+    if not shares:
+        jobs = _ready(context, jobs, weights.settings_by_job(jobs, settings), done.left_out)
 
     def noted(step: Progress) -> Progress:
         done.reports.extend([step.report] if step.report else [])
@@ -76,8 +74,9 @@ def bake_several(
         return step
 
     try:
-        yield from relay(bake_jobs.work(context, jobs, settings, pace, goes_on=True), noted)
-    except GeneratorExit:  # the maps that are done stay
+        steps = bake_jobs.work(context, jobs, settings, pace, share_image=shares, goes_on=not shares)
+        yield from relay(steps, noted)
+    except (GeneratorExit, BakeError):  # the maps that are done stay
         results.remember(done.reports)
         raise
     return done

@@ -9,6 +9,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
+from addon.ui import bake_operators, results
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -238,3 +239,18 @@ def test_a_part_that_cannot_be_drawn_keeps_its_texels_and_the_others_are_baked()
     assert is_changed.mean() > 0.5
     with pytest.raises(BakeError):
         bake(far)
+
+
+def test_textures_that_are_done_stay_if_the_button_is_canceled():
+    """Their results are remembered; the other material has no image."""
+    jobs = [square(name, place, [bpy.data.materials.new(name)]) for name, place in zip("ab", grid(2, 2), strict=True)]
+    settings = bpy.context.scene.imprint
+    settings.share_image = settings.texture_sets = True
+    for name, value in SAME.items():
+        setattr(settings, name, value)
+    work = bake_operators.bake_several(bpy.context, jobs, settings.to_settings(), Pace())
+    next(step for step in work if step.report is not None)
+    work.close()
+    assert {image.name for image in bpy.data.images} == {"a_normal"}
+    assert results.all_of(bpy.context, jobs[0].low)
+    assert not results.all_of(bpy.context, jobs[1].low)

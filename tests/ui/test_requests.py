@@ -99,7 +99,7 @@ def stripes(name, count=11, **inputs):
 
 def number_of(u, count=11):
     """The number of the stripe at u, and whether it is no border."""
-    return np.minimum((u * count).astype(int), count - 1), np.abs(u * count - np.round(u * count)) > 0.02
+    return np.clip((u * count).astype(int), 0, count - 1), np.abs(u * count - np.round(u * count)) > 0.02
 
 
 def colors_at(u, count=11):
