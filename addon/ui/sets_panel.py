@@ -61,8 +61,10 @@ class IMPRINT_MT_sets(bpy.types.Menu):
         layout.separator()
         text = label("Set of All Pairs by Name")
         layout.operator("imprint.set_add", text=text, translate=False, icon="OUTLINER_OB_FONT").by_name = True
+        layout.separator()
+        layout.operator("imprint.sets_to_job_file", icon="EXPORT")
+        layout.operator("imprint.sets_from_job_file", icon="IMPORT")
         if flamenco_address(context):
-            layout.separator()
             layout.operator("imprint.send_to_flamenco", icon="EXPORT")
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from addon.cli import command, job_file
-from addon.ui import job_files, object_pairs, sets
-from tests.support import maps, zoo
+from addon.ui import job_files, object_pairs, sets, sets_panel
+from tests.support import maps, panel_layout, zoo
 from tests.support.panel import refusal, select, use
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -276,3 +276,8 @@ def test_an_unsaved_file_and_no_sets(tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "empty.blend"))
     assert refusal(bpy.ops.imprint.sets_to_job_file, filepath=path).startswith("No set is on")
     select(zoo.plane("lonely"))
+
+
+def test_the_menu_of_sets_has_both_ways():
+    drawn = [name for name, _ in panel_layout.draw(panels=[sets_panel.IMPRINT_MT_sets]).given]
+    assert {"imprint.sets_to_job_file", "imprint.sets_from_job_file"} <= {*drawn}
