@@ -102,7 +102,7 @@ class TestAdd:
         assert added(props["lid_low"], table) == {"lid_low": ["lid_high"], "table": ["table"]}
         props["lid_high"].location.x = 30.0
         bpy.context.view_layer.update()
-        assert added(props["lid_low"], props["lid_high"]) == {"lid_low": ["lid_high"]}
+        assert added(props["lid_low"], props["lid_high"], cube("screw", 4.1)) == {"lid_low": ["lid_high", "screw"]}
 
     def test_another_high_object_than_that_by_name(self, props):
         assert added(props["crate_low"], cube("sculpt")) == {"crate_low": ["sculpt"]}
