@@ -36,6 +36,10 @@ TICK = 0.02
 """Seconds between two ticks while parts are to be looked at."""
 REST = 0.3
 """Seconds without a change after which parts are looked at: not while something is dragged."""
+COSTLY, LONG_REST = 0.05, 2.0
+"""Seconds of a look, as of what renders alone see of an object, from which a part waits for a longer pause; and that pause."""
+REDRAW = 0.5
+"""Seconds between two redraws of the panel while parts are looked at."""
 WATCH = 0.25
 """Seconds between two ticks that compare what Blender does not report."""
 SHAPES = bpy.types.Object, bpy.types.Mesh
@@ -100,6 +104,8 @@ class Seen:
     """The names of the images among them."""
     files: tuple[str, ...] = ()
     """The paths of the files that those datablocks name."""
+    seconds: float = 0.0
+    """How long it took."""
     stamp: tuple = ()
     """What Blender does not report of them."""
 
@@ -168,8 +174,8 @@ class Looks:
         self._places: tuple = ()
         self._hurries = False
         """Whether this round of comparisons is not to wait for the next ticks: objects have come or gone."""
-        self._number, self._changed_at = 0, 0.0
-        self._is_looking = False
+        self._number, self._changed_at, self._drawn_at = 0, 0.0, 0.0
+        self._is_looking, self._may_block = False, True
         self._timer = Timer(self.tick)
         events.hear(
             depsgraph_update_post=self.note_update,
@@ -295,8 +301,10 @@ class Looks:
         if is_busy(context):
             return WATCH
         context.view_layer.update()  # what has changed until now is no work of the looks
-        if self._marked and time.monotonic() - self._changed_at < REST:
+        rest = time.monotonic() - self._changed_at
+        if self._marked and rest < REST:
             return TICK
+        self._may_block = rest >= LONG_REST
         return TICK if self.advance(context, SLICE) else WATCH
 
     def advance(self, context: bpy.types.Context, seconds: float) -> bool:
@@ -305,7 +313,9 @@ class Looks:
         end, version, is_more = time.perf_counter() + seconds, self.version, True
         while is_more and time.perf_counter() < end:
             is_more = self._step(context)
-        if self.version != version:
+        now = time.monotonic()
+        if self.version != version and (not self._marked or now - self._drawn_at > REDRAW):
+            self._drawn_at = now
             redraw(region="UI")
         return self._hurries or self._next(context) is not None
 
@@ -353,6 +363,7 @@ class Looks:
             return Status.UNKNOWN
         seen = self._seen.setdefault(part, Seen(asked.job.low_ref))
         self.count += 1
+        start = time.perf_counter()
         with self._unmarked(context):
             then = part_state.kept(low)
             self._note_reads(part, seen, asked)
@@ -364,6 +375,7 @@ class Looks:
             seen.problem = next(iter(now.of_kind(PROBLEM).values()), "")
             seen.changes = tuple(part_state.changes(then, now)) if then is not None else ()
             seen.status = Status.NEVER if then is None else Status.CHANGED if seen.changes else Status.TRUE
+        seen.seconds = time.perf_counter() - start
         return seen.status
 
     def _state(self, context: bpy.types.Context, asked: Asked, then: State | None) -> State:
@@ -393,7 +405,9 @@ class Looks:
         parts = (
             part
             for part in self._marked
-            if part.scene == scene and (not edited or edited.isdisjoint((part.low, *self._seen[part].reads)))
+            if part.scene == scene
+            and (self._may_block or self._seen[part].seconds < COSTLY)
+            and (not edited or edited.isdisjoint((part.low, *self._seen[part].reads)))
         )
         return max(parts, key=lambda part: (part.of_set == active, self._marked[part]), default=None)
 
