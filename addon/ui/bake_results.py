@@ -17,7 +17,7 @@ from ..jobs import one_material
 from ..output import materials
 from ..scene import evaluation
 from ..scene.object_checks import object_by_name
-from . import modal, object_pairs, results
+from . import modal, object_pairs, results, sets
 from .callbacks import redraw
 from .modal import QuickOperator
 from .progress_display import display
@@ -167,7 +167,7 @@ class IMPRINT_OT_connect_maps(QuickOperator, bpy.types.Operator):
                 report.maps,
                 report.uv_layer,
                 space=report.space,
-                single_user=context.scene.imprint.single_user,
+                single_user=sets.whole(context).single_user,
                 slots=report.slots or None,
                 is_own_base=low in [ref.find() for ref in report.refs[1:]],
             )
@@ -204,7 +204,7 @@ class IMPRINT_OT_one_material(QuickOperator, bpy.types.Operator):
         if own is None:
             raise BakeError(f"{low.name if low else 'No object'!r} was not baked: bake it first.")
         reports = results.with_image(context, own)
-        single_user = context.scene.imprint.single_user
+        single_user = sets.whole(context).single_user
         settings = Settings.of_json(reports[0].settings).stored(single_user=single_user)
         shown = list(map(one_material.Shown.of, reports))
         warnings = one_material.put_checked(context, shown, settings, on_copies=self.on_copies, is_joined=self.join)
@@ -307,7 +307,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
         return display.current is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.filepath or context.scene.imprint.export:
+        if self.filepath or sets.whole(context).export:
             return super().invoke(context, event)
         self.filepath = f"{naming.file_name(results.of(context).low)}{file_formats.MESHES[0]}"
         context.window_manager.fileselect_add(self)
@@ -327,7 +327,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, _pace: Pace) -> Task[Exported]:
         reports = results.all_of(context)
-        panel = context.scene.imprint
+        panel = sets.whole(context)
         path = naming.fill(self.filepath or panel.export, reports[0].low, low_suffix=panel.low_suffix)
         if not path:
             raise BakeError("No file is set for the export: set one.")

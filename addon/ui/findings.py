@@ -22,7 +22,7 @@ from ..jobs import fixes, pair_checks
 from ..jobs.pair_checks import Finding
 from ..scene import object_checks, poses, reading, render_view
 from ..scene.object_checks import ObjectRef
-from . import object_pairs, results, several
+from . import object_pairs, results, sets, several
 from .callbacks import Timer, events, redraw, until_change
 from .fix_buttons import Told, grouped
 from .modal import QuickOperator, WaitingOperator
@@ -192,8 +192,8 @@ class PanelFindings:
 
         Its UVs are looked at soon after this was asked for first.
         """
-        kept, panel = self._kept.get(("low", low.session_uid)), context.scene.imprint
-        if low.type == "MESH" and (kept is None or kept.key[-1] != panel.udim):
+        kept = self._kept.get(("low", low.session_uid))
+        if low.type == "MESH" and (kept is None or kept.key[-1] != sets.whole(context).udim):
             self._ask(("low", low.session_uid), partial(self._look_at, ObjectRef.of(low)))
         found = [_told(one) for one in kept.found if one.kind in pair_checks.OF_LAYOUT] if kept is not None else []
         found += [told for told in self._past(context, low) if kept is None or told.kind not in CHECKED]
@@ -210,7 +210,7 @@ class PanelFindings:
             found = ((low.name, self.worst(context, low)) for low in find_lows())
             return grouped((low, worst) for low, worst in found if worst is not None)
 
-        key = self.looks, context.scene.imprint.udim, bpy.app.translations.locale
+        key = self.looks, sets.whole(context).udim, bpy.app.translations.locale
         return until_change.get(f"told of {name}", key, find)
 
     def _past(self, context: bpy.types.Context, low: bpy.types.Object) -> list[Told]:
@@ -230,8 +230,9 @@ class PanelFindings:
         """Look at a low object for `worst`."""
         low, context = ref.find(), bpy.context
         if low is not None:
-            chosen = context.scene.imprint.alone(context, low)
-            self.of_low(context, low, low in chosen.highs, chosen.settings)
+            chosen, one = context.scene.imprint.alone(context, low), sets.active(context)
+            settings = chosen.settings if one is None else one.settings
+            self.of_low(context, low, low in chosen.highs, settings)
 
     def look(self) -> float | None:
         """Look at one thing that was asked for, unless other work is under way. Returns the seconds until the next one."""

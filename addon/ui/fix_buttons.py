@@ -13,6 +13,7 @@ from ..core.errors import UNWRAPS, BakeError, Fix, in_window, shorten_list
 from ..core.sentences import LOOK, NOTE, RANKS, WRONG, Harm, Sentence, gist
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
+from . import sets
 from .callbacks import registering
 from .modal import QuickOperator, WaitingOperator
 from .texts import draw_paragraphs, label, labeled, message, tooltip
@@ -146,14 +147,18 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
         chosen = context.scene.imprint.chosen(context, object_by_name(name) if name else None)
         if chosen.low is None or chosen.low.type != "MESH":
             raise BakeError("No low object: select it, or fill the slot.")
-        change = Fix.__members__.get(self.kind)
+        change, one = Fix.__members__.get(self.kind), sets.active(context)
         if change is None:
-            return fixes.fix(context, chosen.low, chosen.highs, chosen.settings, self.kind)
-        if change is Fix.UDIM and chosen.panel.storage == Storage.MEMORY:  # which holds one tile
-            chosen.panel.storage = Storage.PACK
-        owner = chosen.rays if change.setting in chosen.rays.bl_rna.properties else chosen.panel
+            settings = one.settings if one is not None else chosen.settings
+            return fixes.fix(context, chosen.low, chosen.highs, settings, self.kind)
+        if change is Fix.UDIM:
+            storing = sets.owner(context, "storage")
+            if storing.storage == Storage.MEMORY:  # which holds one tile
+                storing.storage = Storage.PACK
+        is_of_pair = one is None and change.setting in chosen.rays.bl_rna.properties
+        owner = chosen.rays if is_of_pair else sets.owner(context, change.setting)
         setattr(owner, change.setting, change.new_value)
-        if change is Fix.REST_POSE and is_alone:
+        if change is Fix.REST_POSE and is_alone and one is None:
             return self._bake(chosen.low)
         return f"{owner.bl_rna.properties[change.setting].name}: {FIXES[self.kind][0]}"
 

@@ -240,6 +240,12 @@ def whole(context: bpy.types.Context) -> ImprintSettings | Whole:
     return context.scene.imprint if one is None else one.own.whole
 
 
+def owner(context: bpy.types.Context, name: str) -> ImprintSettings | ImprintOwn:
+    """What stores a setting of what the panel bakes: the active set, if it has it of its own, or else the scene."""
+    one = active(context)
+    return one.own if one is not None and one.is_own(name) else context.scene.imprint
+
+
 def lows(context: bpy.types.Context, one: ImprintSet) -> list[bpy.types.Object]:
     """The low objects of a set that exist, also those that are switched off."""
     if one.source == "NAMES":

@@ -286,6 +286,18 @@ def test_an_engine_of_a_set_leaves_the_scene_alone(props):
     assert one.own.names_of_own() == []
 
 
+@pytest.mark.parametrize("is_own", [True, False])
+def test_a_button_that_fixes_changes_what_counts(props, is_own):
+    one, scene = new_set(props["crate_low"]), bpy.context.scene.imprint
+    props["crate_low"].imprint.put([props["crate_high"]])
+    for name in ("udim", "storage", "method") if is_own else ():
+        one.make_own(name)
+    assert bpy.ops.imprint.fix(kind="UDIM", low="crate_low") == {"FINISHED"}
+    assert (one.settings.sampling.udim, one.settings.storing.storage) == (True, "PACK")
+    assert (scene.udim, scene.storage) == ((False, "MEMORY") if is_own else (True, "PACK"))
+    assert sorted(one.own.names_of_own()) == (["method", "storage", "udim"] if is_own else [])
+
+
 @pytest.fixture
 def saved_presets():
     """Removes those that a test makes, and shows no name of them."""
