@@ -172,6 +172,10 @@ OBJECTS = {
         "Mesh file of the cage, instead of --cage. It must contain one mesh",
         {"type": option_types.path, "metavar": "FILE"},
     ),
+    "floater": CommandOption(
+        "High object that gives detail and shades nothing, beside those that the file marks. The option may be repeated",
+        {"type": option_types.text, "action": "append", "default": [], "metavar": "NAME"},
+    ),
     "high-up": CommandOption(
         "Axis that points up in high files that do not say it: .obj, .ply and .stl",
         {"type": option_types.axis, "metavar": "y|z"},

@@ -23,6 +23,12 @@ from .scene_files import SceneLoader
 
 def opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
     """The jobs, ready in the scene, and sentences about what is wrong with names."""
+    jobs, notes = _opened(options, loader)
+    floaters = [object_by_name(name).session_uid for name in options.floater]
+    return [job.but(floaters=floaters) for job in jobs] if floaters else jobs, notes
+
+
+def _opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
     if options.low_file:
         space = Space(options.origin)
         job = loader.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")

@@ -216,10 +216,14 @@ def occluders(
     """What blocks the rays of ambient occlusion. others: meshes of other objects that block them."""
     space = surface.local_space
     tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)
-    highs = list(surface.highs)
+    highs = [high for high in surface.highs if not high.is_floater]
+    is_other = len(highs) < len(surface.highs)
     if tracing.occluders != Occluders.OWN and others:
         # In the same order for all low objects, which then share a tree.
-        highs = sorted([*highs, *others], key=lambda high: high.name)
+        highs, is_other = sorted([*highs, *others], key=lambda high: high.name), True
+    if not highs:  # all of them float
+        return hemisphere.Occluders(farthest=0.0)
+    if is_other:
         ray_scene = tree_cache.trees.ray_scene_of(highs, timings, repeat=surface.ray_scene.repeat)
         tables, all_space = ray_scene.tables, ray_scene.local_space
         scale = space.size / all_space.size

@@ -255,7 +255,7 @@ def occluders(
 ) -> tuple[ObjectRef, ...]:
     """What shades the high objects of a job: those of the other jobs, or what the scene shows, as the settings have it.
 
-    Low objects and cages of the jobs do not: they are in the place of high ones.
+    Low objects and cages of the jobs do not: they are in the place of high ones. Nor do floaters.
     """
     if tracing.occluders == Occluders.OWN:
         return ()
@@ -264,9 +264,11 @@ def occluders(
         left_out = {ref.uid for each in jobs for ref in each.refs}
         shown = map(ObjectRef.of, evaluation.shown_surfaces(context))
         refs |= {ref.uid: ref for ref in shown if ref.uid not in left_out}
+    floaters = {uid for each in jobs for uid in each.floaters}
     for own in job.refs:
         refs.pop(own.uid, None)
-    return tuple(refs.values())
+    shading = ((ref, ref.find()) for ref in refs.values() if ref.uid not in floaters)
+    return tuple(ref for ref, obj in shading if obj is None or not object_checks.is_floater(obj))
 
 
 def for_low(settings: Settings, name: str, material: str = "") -> Settings:

@@ -53,6 +53,8 @@ class Job:
     """Whose method, extrusion and distance its own pair has; None for those of the settings."""
     sizes: tuple[tuple[str, int], ...]
     """Names of materials whose texture sets have a size of their own, and that size."""
+    floaters: frozenset[int]
+    """The session_uids of objects that block no rays of ambient occlusion, beside those that are marked."""
 
     def __init__(
         self,
@@ -65,6 +67,7 @@ class Job:
         distance: float = 0.0,
         tracing: TracingSettings | None = None,
         sizes: Sequence[tuple[str, int]] = (),
+        floaters: Iterable[int] = (),
     ):
         vars(self).update(  # a frozen class has no other way
             low_ref=ObjectRef.of(low),
@@ -75,11 +78,12 @@ class Job:
             distance=distance,
             tracing=tracing,
             sizes=tuple(sizes),
+            floaters=frozenset(floaters),
         )
 
     def but(self, **own: Any) -> "Job":
         """This job with other arguments of its constructor. Raises BakeError if an object was deleted."""
-        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing", "sizes")
+        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing", "sizes", "floaters")
         return Job(**{name: getattr(self, name) for name in same if name not in own} | own)
 
     @property
@@ -340,6 +344,7 @@ def read_meshes(context: bpy.types.Context, request: Request) -> Meshes:
         request.settings,
         others=[ref.resolve() for ref in request.other_refs],
         texture_set=job.texture_set,
+        floaters=job.floaters,
         must_be_whole=request.wants.whole,
     )
 

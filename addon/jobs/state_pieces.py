@@ -88,6 +88,8 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
         key = _of_mesh(mesh)
         _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
         _add(pieces, PLACE, mesh.name, short(_place(mesh, low)))
+        if mesh.is_floater and any(BY_NAME[name].family is Family.OPENNESS for name in settings.map.drawn_maps):
+            _add(pieces, MESH, f"{mesh.name} (floater)", "1")
     others = list(map(Other.of, meshes.others)) if others is None else others
     if others:
         pieces[f"{OTHERS}:"] = short(sorted([each.key, (each.place - low.to_world[:3, 3]).tolist()] for each in others))

@@ -127,6 +127,7 @@ class Mesh:
         face_corners: which faces the corners belong to, or None if not read.
         stretch: (3, 3), the scale of the object that normals and tangents already have, see `with_stretch`; or None.
         alphas: the images of the layer CUTOUT.
+        is_floater: whether it blocks no rays of ambient occlusion.
     """
 
     name: str
@@ -147,6 +148,7 @@ class Mesh:
     face_corners: FaceCorners | None = None
     stretch: np.ndarray | None = None
     alphas: "tuple[Alpha, ...]" = ()
+    is_floater: bool = False
     _made: dict[str, tuple] = field(default_factory=dict, init=False, repr=False, compare=False)
     """What was made of this mesh, by name, and of which objects besides."""
 

@@ -42,6 +42,7 @@ class Reader:
         parts: The names of parts of that reading, which keep their numbers.
         depsgraph: In which they are evaluated.
         is_itself: Whether the low object is baked onto itself.
+        floaters: The session_uids of objects that block no rays of ambient occlusion, beside those that are marked.
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -52,6 +53,7 @@ class Reader:
     known: Mapping[int, Mesh] = field(default_factory=dict)
     parts: Sequence[str] = ()
     is_itself: bool = False
+    floaters: frozenset[int] = frozenset()
 
     @property
     def part_names(self) -> list[str]:
@@ -95,8 +97,14 @@ class Reader:
             lambda owner, obj, data: self._mesh(numbers[owner.session_uid], owner.name, obj, data, np.eye(4)),
         )
         shown = dict(zip(owners, instances, strict=True))
-        meshes = [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
+        meshes = [
+            _marked(self._joined(number, high, shown.get(number, [])), self._is_floater(high))
+            for number, high in highs.items()
+        ]
         return with_labels(meshes)
+
+    def _is_floater(self, high: bpy.types.Object) -> bool:
+        return high.session_uid in self.floaters or object_checks.is_floater(high)
 
     def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """The mesh of `high` joined with its instances."""
@@ -191,6 +199,11 @@ class Reader:
         known = self._part_numbers
         numbers = np.array([known.setdefault(name, len(known) + 1) for name in names], np.float32)
         return replace(mesh, labels=np.column_stack([mesh.labels, numbers[parts]]))
+
+
+def _marked(mesh: Mesh, is_floater: bool) -> Mesh:
+    """The mesh itself where it is marked so: what was made of it is kept with it."""
+    return mesh if mesh.is_floater == is_floater else replace(mesh, is_floater=is_floater)
 
 
 def with_labels(meshes: Sequence[Mesh]) -> list[Mesh]:

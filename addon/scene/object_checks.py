@@ -80,6 +80,15 @@ def with_mesh_of(low: bpy.types.Object, lows: Collection[bpy.types.Object]) -> l
     return [obj for obj in bpy.data.objects if obj.data == low.data and obj not in lows and not is_deleted(obj)]
 
 
+FLOATER = "imprint_floater"
+"""A custom property of an object that gives detail and blocks no rays of ambient occlusion. It needs no add-on."""
+
+
+def is_floater(obj: bpy.types.Object) -> bool:
+    """Whether an object gives detail and blocks no rays of ambient occlusion."""
+    return bool(obj.get(FLOATER, False))
+
+
 def object_by_name(name: str) -> bpy.types.Object:
     """The object with this name. Raises BakeError, with similar names, if there is none."""
     if name not in bpy.data.objects:

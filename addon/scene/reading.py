@@ -62,12 +62,13 @@ def read(
     *,
     others: Sequence[bpy.types.Object] = (),
     texture_set: MaterialSet | None = None,
+    floaters: frozenset[int] = frozenset(),
     must_be_whole: bool = False,
 ) -> Meshes:
     """Evaluate and read all objects.
 
-    others: other objects that are occluders. texture_set: the faces of the
-    low object to bake; None for all. must_be_whole: whether objects may lack no files, and nothing that their modifiers need.
+    others: other objects that are occluders. texture_set: the faces of the low object to bake; None for all. floaters: as in
+    Reader. must_be_whole: whether objects may lack no files, and nothing that their modifiers need.
 
     Raises BakeError for missing faces or UV layers, and for a cage of another topology.
     """
@@ -80,7 +81,7 @@ def read(
     of_others: list[HighMaterial] = []
 
     def work(depsgraph: bpy.types.Depsgraph) -> Meshes:
-        meshes = _read(depsgraph, low, highs, cage, settings)
+        meshes = _read(depsgraph, low, highs, cage, settings, floaters=floaters)
         if texture_set is not None:
             meshes = high_materials.restricted(meshes, texture_set)
         if not others:
@@ -226,9 +227,12 @@ def _read(
     highs: Sequence[bpy.types.Object],
     cage: bpy.types.Object | None,
     settings: Settings,
+    *,
+    floaters: frozenset[int] = frozenset(),
 ) -> Meshes:
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
-    reader = Reader(depsgraph, low, meshes.uv_layer, settings, is_itself=object_checks.is_itself(low, highs))
+    is_itself = object_checks.is_itself(low, highs)
+    reader = Reader(depsgraph, low, meshes.uv_layer, settings, is_itself=is_itself, floaters=floaters)
     read = reader.read(dict(enumerate(highs, start=1)))
     meshes = replace(
         meshes,

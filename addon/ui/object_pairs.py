@@ -397,9 +397,29 @@ def free(obj: bpy.types.Object | None) -> None:
         bpy.data.objects.remove(obj)
 
 
+def _mark(obj: bpy.types.Object, is_floater: bool) -> None:
+    """Mark an object as a floater, or not."""
+    if is_floater:
+        obj[object_checks.FLOATER] = True
+    else:
+        obj.pop(object_checks.FLOATER, None)
+    obj.update_tag()  # so that signs and Live look at it
+
+
 events.hear(save_pre=settle)
 CLASSES = (ImprintHigh, ImprintMap, ImprintPair)
 register, unregister = registering(
     CLASSES,
-    properties={"Object.imprint": PointerProperty(type=ImprintPair, override=_OVERRIDABLE)} | OF_BATCHES,
+    properties={
+        "Object.imprint": PointerProperty(type=ImprintPair, override=_OVERRIDABLE),
+        "Object.imprint_is_floater": labeled(
+            BoolProperty,
+            "Floater",
+            "This high object gives detail and shades nothing: it blocks no rays of ambient occlusion and bent normals. "
+            "Alt-click for all selected objects",
+            get=object_checks.is_floater,
+            set=_mark,
+        ),
+    }
+    | OF_BATCHES,
 )

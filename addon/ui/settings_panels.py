@@ -11,6 +11,7 @@ from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
 from ..jobs import weights
+from ..scene import object_checks
 from ..scene.high_materials import materials_of
 from . import bake_panel, declared_properties, results
 from .cage_overlay import overlay
@@ -189,6 +190,12 @@ def _draw_settings(layout: bpy.types.UILayout, rows: Rows, family: Family) -> No
         if rows["ao_limited"]:
             rows.prop(layout, "ao_fade")
         rows.prop(layout, "occluders", "two_sided")
+        obj = bpy.context.active_object
+        if obj is not None and object_checks.may_show(obj):  # a mark of the object, beside the settings
+            row = layout.row()
+            row.enabled = obj.is_editable
+            text = f"{label('Floater')}: {obj.name}"
+            row.prop(obj, "imprint_is_floater", text=text, translate=False)
     layout.separator()
 
 
