@@ -181,6 +181,12 @@ def swap_names(world):
     a.name = "b_low"
 
 
+def take_the_name_of_another(world):
+    """What is baked has the name of a part that was renamed."""
+    world.jobs["a"].low.name = "limb"
+    world.jobs["b"].low.name = "a_low"
+
+
 def unwrap_another(world):
     """The others have new UVs, by which their texels stay."""
     for name in "ac":
@@ -472,6 +478,7 @@ CASES = {
     "a renamed low object in files": Case(FILES, change=rename_low),
     "renamed with other UVs": Case(change=rename_and_unwrap),
     "swapped names": Case(change=swap_names),
+    "the name of another": Case(change=take_the_name_of_another),
     "other UVs of others": Case(change=unwrap_another),
     "a modifier of others": Case(change=subdivide_another),
     "another UV map is active": Case(change=activate_another_map),

@@ -254,3 +254,22 @@ def test_textures_that_are_done_stay_if_the_button_is_canceled():
     assert {image.name for image in bpy.data.images} == {"a_normal"}
     assert results.all_of(bpy.context, jobs[0].low)
     assert not results.all_of(bpy.context, jobs[1].low)
+
+
+def test_materials_of_one_name_are_one_texture(tmp_path):
+    """As one of a library beside one of this file, which alone can show it."""
+    path = str(tmp_path / "library.blend")
+    wood = bpy.data.materials.new("Wood")
+    bpy.data.libraries.write(path, {wood}, fake_user=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.materials = ["Wood"]
+    linked = wanted.materials[0]
+    jobs = [
+        square(str(number), place, [each], number)
+        for number, (place, each) in enumerate(zip(grid(2, 2), (wood, linked), strict=True))
+    ]
+    reports = bake(jobs)
+    assert {report.image for report in reports} == {"Wood_normal"}
+    assert images_of(wood) == {"Wood_normal"}
+    told = [[warning for warning in report.warnings if "linked from a library" in warning] for report in reports]
+    assert [len(each) for each in told] == [0, 1]
