@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Stacks:
         count, islands = len(self.factors), self.of[self.places[used]]
         number = np.maximum(np.bincount(islands, minlength=count), 1)
 
-        def total(values: np.ndarray) -> np.ndarray:
+        def total(values: Any) -> Any:
             return np.bincount(islands, values.real, count) + 1j * np.bincount(islands, values.imag, count)
 
         start, end = (points[used] @ (1.0, 1.0j) for points in (self.points, after))
