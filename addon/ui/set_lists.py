@@ -16,8 +16,8 @@ from .texts import font_size, message, room, text_width
 
 BESIDE_NAMES = 96.0
 """What a check box, a sign, buttons and margins take of a row, in pixels at a scale of 1."""
-GAP, MOST_OF_LOW = 12.0, 0.75
-"""The space beside a name, in pixels at a scale of 1; and the share of a row from which a name has it alone."""
+GAP = 12.0
+"""The space beside a name, in pixels at a scale of 1."""
 Item = ImprintPart | bpy.types.Object
 """An item of the list of parts: of the set's own list, or an object of the scene or of a collection."""
 
@@ -98,15 +98,18 @@ class IMPRINT_UL_parts(bpy.types.UIList):
         row.prop(low, "imprint_is_baked", text="")
         names = row.row(align=True)
         names.active = low.imprint_is_baked
-        share = (text_width(low.name, font_size(1.0)) + GAP) / max(1.0, room(context) - BESIDE_NAMES)
-        if share > MOST_OF_LOW:  # the name of the low object comes first
+        size, space = font_size(1.0), room(context) - BESIDE_NAMES
+        taken, short = text_width(low.name, size) + GAP, part.short(low)
+        if text_width(short, size) > space - taken:
+            short = str(len(part.highs))
+        if text_width(short, size) > space - taken:  # the name of the low object comes first
             names.label(text=low.name, translate=False)
         else:
-            split = names.split(factor=share, align=True)
+            split = names.split(factor=taken / space, align=True)
             split.label(text=low.name, translate=False)
             highs = split.row(align=True)
-            highs.active = False
-            highs.label(text=part.short(low), translate=False)
+            highs.active, highs.alignment = False, "RIGHT"
+            highs.label(text=short, translate=False)
         if low.imprint_size != "0":
             size = row.row(align=True)
             size.alignment = "RIGHT"

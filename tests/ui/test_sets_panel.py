@@ -167,6 +167,10 @@ def test_parts_of_a_collection_are_listed_by_themselves(crate):
     assert drawn.rows[1][0] == "objects"
     assert {"crate_low", "lid_low"} <= set(drawn.labels)
     assert "Bakes 2 parts" in drawn.text
+    for name in ("lid_low", "lid_high"):
+        crate.active_part = bpy.context.view_layer.objects.find(name)
+        chosen = set_lists.chosen_low(bpy.context)
+        assert (chosen.name if chosen else "") == ("lid_low" if name == "lid_low" else "")
 
 
 def test_a_picked_object_becomes_a_high_one_of_the_chosen_part(crate):
