@@ -49,8 +49,10 @@ class SetJob:
         """This set without parts that cannot be baked. reasons: why, by the names of low objects, or "" for the whole set."""
         jobs = () if "" in reasons else tuple(job for job in self.jobs if job.low_ref.name not in reasons)
         off = {job.low_ref.name for job in self.jobs if job.low_ref.uid in self.off}
-        told = {name: reason for name, reason in reasons.items() if name not in off}
-        return replace(self, jobs=jobs, left_out=(*self.left_out, *told.items()))
+        left_out = [*self.left_out, *((name, reason) for name, reason in reasons.items() if name not in off)]
+        if not jobs and not left_out:
+            left_out.append(("", all_off(self.name)))
+        return replace(self, jobs=jobs, left_out=tuple(left_out))
 
 
 def work(
@@ -85,9 +87,12 @@ def work(
 
 def nothing_to_bake(set_job: SetJob) -> str:
     """Why nothing of a set is baked."""
-    if set_job.jobs or not set_job.left_out:
-        return f"All parts of the set {set_job.name!r} are off: switch one on."
-    return set_job.left_out[0][1]
+    return all_off(set_job.name) if set_job.jobs or not set_job.left_out else set_job.left_out[0][1]
+
+
+def all_off(name: str) -> str:
+    """Why nothing is baked of a set of this name whose parts are switched off."""
+    return f"All parts of the set {name!r} are off: switch one on."
 
 
 def check_highs(set_job: SetJob) -> SetJob:

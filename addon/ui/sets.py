@@ -318,7 +318,7 @@ def _look(context: bpy.types.Context, one: ImprintSet) -> SetJob:
     except BakeError as error:  # suffixes that are the same
         left_out.append(("", str(error)))
     if not ready and not left_out:
-        left_out.append(("", _empty(one)))
+        left_out.append(("", set_jobs.all_off(one.name) if off else _empty(one)))
     set_job = SetJob(one.name, tuple(ready), settings, one.textures != "PART", tuple(left_out), frozenset(off))
     return set_jobs.check_highs(set_job)
 

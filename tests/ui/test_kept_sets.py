@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sets in the file: saved, appended, linked, overridden, copied, undone; and parts that come and go."""
 
+import random
+
 import bpy
 import numpy as np
 import pytest
@@ -278,3 +280,72 @@ def test_a_file_that_is_reverted_while_its_sets_are_baked(props, tmp_path):
     open_file(tmp_path / "prop.blend")
     assert parts() == ["a_low", "b_low", "c_low"]
     assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
+
+
+def pick(chance):
+    """Select some objects, perhaps none."""
+    objects = list(bpy.context.view_layer.objects)
+    some = chance.sample(objects, min(len(objects), chance.randrange(4)))
+    bpy.ops.object.select_all(action="DESELECT")
+    if some:
+        select(*some)
+    return some
+
+
+def press_one(chance):
+    """One button, after a selection."""
+    ops = bpy.ops.imprint
+    pick(chance)
+    chance.choice([ops.set_add, ops.set_add, ops.set_part_add, ops.set_high_add, ops.set_duplicate, ops.set_remove])()
+    setting = chance.choice(["size", "engine", "extrusion", "measure", "maps", "names"])
+    bpy.ops.imprint.set_own(setting=setting)
+    bpy.ops.imprint.set_move(direction=chance.choice(["UP", "DOWN"]))
+
+
+def edit_set(chance):
+    scene, one = bpy.context.scene, current()
+    scene.imprint.active_set = chance.randrange(5)
+    if one is not None:
+        one.name = chance.choice(["", "Prop", "Prop.001", "x" * 90])
+        one.source = chance.choice(["PARTS", "COLLECTION", "NAMES"])
+        one.textures, one.collection = (
+            chance.choice(["PART", "ONE", "MATERIAL"]),
+            chance.choice([None, *bpy.data.collections]),
+        )
+
+
+def edit_objects(chance):
+    for obj in pick(chance)[:1]:
+        obj.imprint_is_baked, obj.imprint_size = chance.random() < 0.5, chance.choice(["0", "256"])
+        obj.name = chance.choice(["a_low", "a_high", "b_low", "rock", "b_cage"])
+        if chance.random() < 0.3:
+            bpy.ops.object.delete()
+    zoo.plane(chance.choice(["a_low", "a_high", "c_low", "rock"]))
+
+
+def go_back(chance):
+    chance.choice([bpy.ops.ed.undo, lambda: bpy.ops.ed.undo_push(message="step"), sets.settle])()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_is_done_sets_stay_whole(seed):
+    """Each name once, no part of what is deleted, and nothing but sentences about what is wrong."""
+    chance = random.Random(seed)
+    for name in ("a_low", "a_high", "b_low", "b_high", "rock"):
+        zoo.plane(name)
+    bpy.data.collections.new("Shelf").objects.link(bpy.data.objects["rock"])
+    bpy.ops.ed.undo_push(message="start")
+    for _ in range(60):
+        try:
+            chance.choice([press_one, edit_set, edit_objects, go_back])(chance)
+        except RuntimeError as error:
+            assert "Traceback" not in str(error), error
+        bpy.context.view_layer.update()
+        every = bpy.context.scene.imprint_sets
+        assert len({one.name for one in every}) == len(every)
+        for one, made in zip(every, sets.resolve_all(bpy.context, list(every)), strict=True):
+            assert (made.name, one.settings) == (one.name, made.settings)
+            there = {*bpy.context.scene.objects, *(obj for shelf in bpy.data.collections for obj in shelf.objects)}
+            assert set(sets.lows(bpy.context, one)) <= there
+            assert bool(made.jobs) or bool(made.left_out)
+            assert one.own.whole.size == one.settings.sampling.width

@@ -162,7 +162,19 @@ def test_parts_that_are_all_off(props):
     new_set("One", "a_low")
     new_set("Two", "b_low")
     props["a_low"].imprint_is_baked = False
-    assert bake() == ({"b_low"}, {"": "All parts of the set 'One' are off: switch one on."})
+    told = "All parts of the set 'One' are off: switch one on."
+    assert bake() == ({"b_low"}, {"": told})
+    props["a_low"].data.uv_layers.remove(props["a_low"].data.uv_layers[0])  # which says nothing while it is off
+    assert bake() == ({"b_low"}, {"": told})
+
+
+def test_parts_that_are_all_off_and_high_objects_of_each_other(props):
+    new_set("One", "a_low", "b_low")
+    for low, high in (("a_low", "b_low"), ("b_low", "a_low")):
+        props[low].imprint.put([props[high]])
+        props[low].imprint_is_baked = False
+    with pytest.raises(RuntimeError, match="All parts of the set 'One' are off"):
+        bpy.ops.imprint.bake_sets()
 
 
 def test_a_part_without_uvs_in_one_image(props):
