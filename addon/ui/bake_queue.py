@@ -254,6 +254,7 @@ class Queue:
         run = _save(context)
         self.saving = time.perf_counter() - start
         self._runs.append(run)
+        self.is_paused &= any(each.is_open for each in self.items)
         uid = context.scene.session_uid
         self.items = [each for each in self.items if each.is_open or each.scene_uid != uid or each.name not in names]
         self.items += [Item(name, uid, run, changed) for name in names]
