@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.declarations.all_settings import DECLARED
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, part_state
@@ -229,3 +230,107 @@ def test_maps_stay_true_through_saving_and_tell_edits(storage, tmp_path):
         image.pixels[0] = 0.25
         image.pack()
     assert found(job, settings) == [f"the image {image.name!r} was edited"]
+
+
+def test_what_moves_no_point_and_still_changes_a_map(tmp_path):
+    """Normals that an object has of its own are taken otherwise than those that Blender computes, also if they are the same."""
+    part = part_edits.make("curve", tmp_path, 1)
+    before = part.bake()
+    part.object(part_edits.LOW).modifiers.new("Normals", "WEIGHTED_NORMAL")
+    assert part.changes() == [f"the mesh of '{part_edits.LOW}'"]
+    assert not part_edits.is_same(before, part.bake())
+
+
+def test_colors_count_where_a_map_reads_them(tmp_path):
+    part = part_edits.make("shape keys", tmp_path, 1)
+    high = part.object(part_edits.HIGH)
+    colors = high.data.color_attributes.new("paint", "BYTE_COLOR", "CORNER")
+    part.bake()
+    colors.data[0].color = (1.0, 0.0, 0.0, 1.0)
+    assert part.changes() == []
+    part.settings = part_edits.with_value(part.settings, "maps", ("ATTRIBUTE",))
+    part.bake()
+    high.data.color_attributes[0].data[1].color = (0.0, 1.0, 0.0, 1.0)
+    high.data.update()
+    assert part.changes() == [f"the mesh of '{part_edits.HIGH}'"]
+
+
+@pytest.mark.parametrize("whose", ["OWN", "ALL", "SCENE"])
+def test_what_shades_a_part_counts(whose):
+    jobs, settings = [pair(), pair()], Settings(**SAME, occluders=whose, maps=("AO",), rays=16)
+    for number, job in enumerate(jobs):
+        job.low.location.x = job.highs[0].location.x = 2.1 * number
+    bpy.context.view_layer.update()
+    object_pairs.remember(bake_jobs.bake_all(bpy.context, jobs, settings))
+    known = {}
+
+    def changes(job):
+        then = part_state.kept(job.low)
+        look = part_state.look(bpy.context, job, settings, then=then, jobs=jobs, known=known)
+        return part_state.changes(then, finish(look))
+
+    assert [changes(job) for job in jobs] == [[], []]
+    assert len(known) == (0 if whose == "OWN" else 2)
+    jobs[1].highs[0].location.z += 0.5
+    bpy.context.view_layer.update()
+    known.clear()
+    assert changes(jobs[0]) == ([] if whose == "OWN" else ["the objects that shade it"])
+    assert changes(jobs[1]) == [f"the place of '{jobs[1].highs[0].name}'"]
+
+
+def test_what_is_renamed_beside_a_change_is_not_named():
+    then = State({"mesh:a": "1", "mesh:b": "2", "mesh:c": "3"})
+    assert part_state.changes(then, State({"mesh:a": "9", "mesh:new": "2", "mesh:c": "3"})) == ["the mesh of 'a'"]
+
+
+def test_object_colors_count_where_nodes_read_them(tmp_path):
+    part = part_edits.make("noise", tmp_path, 1)
+    high = part.object(part_edits.HIGH)
+    tree = high.data.materials[0].node_tree
+    info, noise = tree.nodes.new("ShaderNodeObjectInfo"), tree.nodes["Noise Texture"]
+    part.bake()
+    high.color = (0.5, 0.1, 0.2, 1.0)
+    assert part.changes() == []
+    tree.links.new(info.outputs["Color"], noise.inputs["Vector"])
+    part.bake()
+    high.color = (0.1, 0.1, 0.2, 1.0)
+    assert part.changes() == [f"the mesh of '{part_edits.HIGH}'"]
+
+
+def test_the_color_space_of_a_texture_counts(tmp_path):
+    part = part_edits.make("shape keys", tmp_path, 1)
+    part.bake()
+    bpy.data.images[part.texture.name].colorspace_settings.name = "Non-Color"
+    assert part.changes() == ["the material 'bricks'"]
+
+
+def test_what_feeds_a_node_counts(tmp_path):
+    part = part_edits.make("noise", tmp_path, 1)
+    part.bake()
+    part.object(part_edits.HIGH).data.materials[0].node_tree.nodes["Noise Texture"].inputs["Scale"].default_value = 9.0
+    assert part.changes() == ["the material 'bricks'"]
+
+
+WITHOUT_MEANING = {
+    "ray settings without a map that casts rays": {"rays": 32, "two_sided": True, "bias_angle": 5},
+    "settings of other maps": {"id_by": "COLOR", "gradient_axis": "X", "pack_red": "HEIGHT"},
+    "what is done with the maps": {"material": True, "single_user": True, "targets": ("unreal",), "limit": 1.0},
+    "what only chooses what is read": {"modifiers": "VIEWPORT", "attribute": "paint", "occluders": "ALL"},
+    "dithering of 16 bits": {"dither": True},
+}
+
+
+@pytest.mark.parametrize("what", WITHOUT_MEANING)
+def test_settings_without_meaning_change_no_map(what):
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    assert found(job, Settings(**settings.flat() | WITHOUT_MEANING[what])) == []
+
+
+@pytest.mark.parametrize(
+    "name, value", [("maps", ("HEIGHT",)), ("samples", 4), ("green", "-Y"), ("depth", 8), ("image", "N")]
+)
+def test_settings_that_decide(name, value):
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    assert f"the setting {DECLARED[name].label}" in found(job, Settings(**settings.flat() | {name: value}))

@@ -613,13 +613,16 @@ def _overridden(part: Part) -> None:
 
 
 def _undone(_part: Part) -> None:
+    if bpy.data.libraries:  # Blender 5.2 crashes at Redo in the background
+        return
     bpy.ops.ed.undo_push(message="after")
     bpy.ops.ed.undo()
 
 
 def _redone(part: Part) -> None:
     _undone(part)
-    bpy.ops.ed.redo()
+    if not bpy.data.libraries:
+        bpy.ops.ed.redo()
 
 
 WAYS: dict[str, Callable[[Part], None]] = {
