@@ -30,8 +30,10 @@ from .state_pieces import (
     PLACE,
     PROBLEM,
     SETTING,
+    UVS,
     Other,
     State,
+    are_same_uvs,
     of_read,
     of_size,
 )
@@ -124,7 +126,8 @@ def changes(then: State, now: State) -> list[str]:
     if problem:
         return list(problem.values())
     clauses = list(_of_maps(then, now))
-    clauses += [f"the mesh of {name!r}" for name in _differing(then, now, MESH)]
+    shapes = dict.fromkeys([*_differing(then, now, MESH), *_differing(then, now, UVS)])
+    clauses += [f"the mesh of {name!r}" for name in shapes]
     moved = [name for name in _differing(then, now, PLACE) if f"the mesh of {name!r}" not in clauses]
     clauses += [f"the place of {name!r}" for name in moved]
     clauses += ["the objects that shade it" for _ in _differing(then, now, OTHERS)]
@@ -159,6 +162,11 @@ def _differing(then: State, now: State, kind: str) -> list[str]:
     What was only renamed has the same key at the same place in the order.
     """
     before, after = then.of_kind(kind), now.of_kind(kind)
+    if kind == UVS:
+        after = {
+            name: before[name] if name in before and are_same_uvs(before[name], key) else key
+            for name, key in after.items()
+        }
     if kind == SETTING:  # another one, which differs, decides whether a setting has a meaning
         return [name for name in after if before.get(name, after[name]) != after[name]]
     if list(before.values()) == list(after.values()):

@@ -27,7 +27,7 @@ from ..scene import content_keys
 from ..scene.materials import exact_keys
 from .job import Request
 
-MESH, PLACE, OTHERS, MATERIAL, SETTING = "mesh", "place", "others", "material", "setting"
+MESH, UVS, PLACE, OTHERS, MATERIAL, SETTING = "mesh", "uvs", "place", "others", "material", "setting"
 IMAGE, CODE, PROBLEM = "image", "code", "problem"
 """Kinds of pieces: their names start with one and a colon."""
 
@@ -68,13 +68,22 @@ class State:
         return State(pieces)
 
 
+SUMS = 4
+"""The weighted sums that are kept of UVs which a modifier makes."""
+_CHUNK = 1 << 16
+"""UVs that are summed at once."""
+
+
 def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" = None) -> State:
     """The state of a bake that has read `meshes`. others: those that shade it, if they are not in `meshes`."""
     pieces: dict[str, str] = {}
     settings = request.asked
     low = meshes.low if meshes.whole is None else meshes.whole
-    key = _of_mesh(low, labels=settings.map.texture_sets)
+    is_made = not meshes.is_own_base and _is_made(request.job.low)
+    key = _of_mesh(low, labels=settings.map.texture_sets, is_made=is_made)
     _add(pieces, MESH, low.name, short([key, "base"]) if meshes.is_own_base else key)
+    if is_made:
+        _add(pieces, UVS, low.name, of_made_uvs(low.uv))
     boxed = [name for name in settings.map.drawn_maps if BY_NAME[name].range is Range.BOX]  # points, also as floats
     is_of_world = settings.map.space == Space.WORLD and bool(boxed)
     is_of_world = is_of_world or any(map(_looks_around, meshes.materials))
@@ -83,10 +92,14 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     if painted:
         _add(pieces, MESH, f"{low.name} (vertex groups)", short(painted))
     shows_object = any(feed.is_of_object for material in meshes.materials for feed in _exact_feeds(material))
+    objects = [*request.job.highs, *([request.job.cage] if meshes.cage else [])]
     owners = request.job.highs if shows_object else []
     for number, mesh in enumerate((*meshes.highs, *([meshes.cage] if meshes.cage else []))):
-        key = _of_mesh(mesh)
+        is_made = number >= len(objects) or _is_made(objects[number])
+        key = _of_mesh(mesh, is_made=is_made)
         _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
+        if is_made:
+            _add(pieces, UVS, mesh.name, of_made_uvs(mesh.uv))
         _add(pieces, PLACE, mesh.name, short(_place(mesh, low)))
         if mesh.is_floater and any(BY_NAME[name].family is Family.OPENNESS for name in settings.map.drawn_maps):
             _add(pieces, MESH, f"{mesh.name} (floater)", "1")
@@ -139,8 +152,40 @@ class Other:
         return cls(short([shape, mesh.to_world[:3, :3].tolist(), layer, clear]), mesh.to_world[:3, 3])
 
 
-def _of_mesh(mesh: Mesh, *, labels: bool = True) -> str:
-    names = ["positions", "vertices", "normals", "triangles", "uv", *(["labels"] if labels else [])]
+def _is_made(obj: bpy.types.Object) -> bool:
+    """Whether modifiers, or other objects, make the mesh of an object."""
+    return obj.type != "MESH" or len(obj.modifiers) > 0
+
+
+def of_made_uvs(uvs: np.ndarray | None) -> str:
+    """The key of UVs (C, 2) that modifiers make, which `are_same_uvs` compares: Bevel's differ in their last bit each time."""
+    if uvs is None or not len(uvs):
+        return "-"
+    weights = np.random.default_rng(1).uniform(-1.0, 1.0, (_CHUNK * 2, SUMS))
+    starts = range(0, len(uvs), _CHUNK)
+    of_chunks = np.random.default_rng(2).uniform(0.5, 1.0, len(starts))  # so that two chunks cannot be exchanged
+    sums = np.zeros(SUMS)
+    for start, weight in zip(starts, of_chunks, strict=True):
+        values = np.nan_to_num(uvs[start : start + _CHUNK].ravel().astype(np.float64))
+        sums += weight * (values @ weights[: len(values)])
+    most = float(np.abs(np.nan_to_num(uvs)).max())
+    return json.dumps([content_keys.of_array(uvs), len(uvs), most, *sums.tolist()], separators=(",", ":"))
+
+
+def are_same_uvs(then: str, now: str) -> bool:
+    """Whether two keys of made UVs are of the same ones, but for the last bit of some."""
+    if then == now or "-" in {then, now}:
+        return then == now
+    (_, count, most, *before), (_, count_now, _, *after) = json.loads(then), json.loads(now)
+    # Seven sigma of a last bit that turns in each value, below 1: what a change of one UV by 1e-3 exceeds up to millions.
+    rounding = 1.5 * np.finfo(np.float32).eps * max(1.0, most) * np.sqrt(count)
+    return count == count_now and bool(np.abs(np.subtract(before, after)).max() < rounding)
+
+
+def _of_mesh(mesh: Mesh, *, labels: bool = True, is_made: bool = False) -> str:
+    """The key of a mesh. is_made: whether its UVs have a piece of their own."""
+    names = ["positions", "vertices", "normals", "triangles"]
+    names += [name for name, counts in (("uv", not is_made), ("labels", labels)) if counts]
     layers = [[*key, _crc(values)] for key, values in sorted(mesh.layers.items()) if key != KEY]
     facts = [mesh.normals_domain, mesh.not_finite, mesh.without_normals, mesh.instances]
     return short([mesh.checksums(*names), layers, facts])

@@ -236,8 +236,11 @@ class Looks:
                     self._mark(part)
 
     def note_bake(self, low: int) -> None:
-        """Mark the parts of a low object with another last result."""
+        """Let nothing be known of a low object with another last result, until it is looked at."""
         self.version += 1
+        for part in self._users.get(low, ()):
+            if part.low == low:
+                self._seen[part].status, self._seen[part].changes = Status.UNKNOWN, ()
         self.mark(low)
 
     def mark_all(self, *_) -> None:

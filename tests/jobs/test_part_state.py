@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The state of a part tells whether a bake would make other maps. The truth are the maps of a fresh bake."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_jobs, part_state
+from addon.jobs import Job, bake_jobs, part_state, state_pieces
 from addon.jobs.live_session import Session
 from addon.jobs.part_state import State, Status
 from addon.scene import content_keys, render_view
@@ -62,6 +64,41 @@ def test_renamed_is_not_changed():
     other = State({"mesh:a": "1", "mesh:b": "2"})
     assert part_state.changes(other, State({"mesh:b": "1", "mesh:a": "2"})) == []
     assert part_state.changes(other, State({"mesh:a": "1", "mesh:c": "3"})) == ["the mesh of 'c'", "the mesh of 'b'"]
+
+
+@pytest.mark.parametrize("count", [30, 70_000, 300_000])
+def test_made_uvs_are_the_same_but_for_their_last_bits(count):
+    rng = np.random.default_rng(3)
+    uvs = rng.random((count, 2)).astype(np.float32)
+    key = state_pieces.of_made_uvs(uvs)
+    for way in (0.0, 2.0):
+        turned = np.where(rng.random(uvs.shape) < 0.5, np.nextafter(uvs, np.float32(way)), uvs)
+        assert state_pieces.are_same_uvs(key, state_pieces.of_made_uvs(turned))
+    moved, swapped = uvs.copy(), uvs.copy()
+    moved[count // 3, 1] += 1e-3
+    swapped[[0, -1]] = swapped[[-1, 0]]
+    for other in (moved, swapped, uvs[::-1], uvs[1:], None):
+        assert not state_pieces.are_same_uvs(key, state_pieces.of_made_uvs(other))
+
+
+def test_a_bevel_whose_uvs_turn_is_not_changed(monkeypatch):
+    job, settings = pair(), Settings(**SAME | {"method": "AUTO"})  # which reads the UVs
+    bevel = job.highs[0].modifiers.new("Bevel", "BEVEL")
+    bevel.width, bevel.segments = 0.02, 3
+    bake(job, settings)
+    read, turned = part_state.read_meshes, []
+
+    def with_last_bits(context, request):
+        meshes = read(context, request)
+        turned.append(np.nextafter(meshes.highs[0].uv, np.float32(2.0)))
+        return replace(meshes, highs=[replace(meshes.highs[0], uv=turned[-1])])
+
+    monkeypatch.setattr(part_state, "read_meshes", with_last_bits)
+    assert found(job, settings) == [] and len(turned) == 1
+    monkeypatch.undo()
+    values = job.highs[0].data.uv_layers.active.data
+    values[7].uv[0] += 0.01
+    assert found(job, settings) == ["the mesh of 'brick_high'"]
 
 
 @pytest.mark.parametrize("kind", part_edits.KINDS)
