@@ -30,7 +30,12 @@ class Written(StrEnum):
 
 
 def note(images: Iterable[bpy.types.Image]) -> dict[str, str]:
-    """Note what images show, as Imprint has just written it. Returns what tells their maps from others, by name."""
+    """Note what images show, as Imprint has just written it. Returns what tells their maps from others, by name.
+
+    Nothing is noted in a shell, whose low objects keep no state, and whose records have the files.
+    """
+    if not hasattr(bpy.types.Object, "imprint"):
+        return {}
     maps, images = {}, list(images)
     for image in images:
         image[CONTENT] = _content(image)
