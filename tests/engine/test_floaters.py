@@ -9,6 +9,7 @@ from addon.core.progress import finish
 from addon.core.settings import Settings
 from addon.engine import tree_cache
 from addon.jobs import Job, bake_all, part_state
+from addon.passes import hemisphere
 from addon.scene import object_checks
 from tests.support import zoo
 
@@ -96,9 +97,13 @@ def test_a_floater_of_another_low_object_shades_neither(occluders):
 
 
 def test_without_a_floater_nothing_changes(monkeypatch):
-    """The same tables are used: no second tree is built."""
+    """The tables of the surface are used, and no second tree is built."""
     low, highs = plate_over_plane(is_marked=False)
+    tables, add = [], hemisphere.add_openness
+    record = lambda sums, rays, occluders: tables.append(occluders.tables) or add(sums, rays, occluders)  # noqa: E731
+    monkeypatch.setattr(hemisphere, "add_openness", record)
     baked(low, highs)
+    assert set(tables) == {None}
     before = tree_cache.trees.built
     baked(low, highs)
     assert tree_cache.trees.built == before
