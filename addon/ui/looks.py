@@ -169,6 +169,8 @@ class Looks:
         self._unwatched: list[str | Part] = []
         """The sets, and the parts without one, that are still to be compared in this round."""
         self._uses: dependencies.Uses | None = None
+        self._counts: tuple[int, ...] = ()
+        """The datablocks when it was made: Blender does not report that a script removes an unused one."""
         self._known: dict[int, str] = {}
         """Keys of occluders, as part_state.look has them."""
         self._places: tuple = ()
@@ -219,7 +221,7 @@ class Looks:
             elif not update.is_updated_shading:  # it may have another name
                 is_place = True
         if is_place:
-            changed |= self._note_places()
+            self._note_places()
             self._note_settings(scene)
         for uid in changed:
             self.mark(uid)
@@ -273,16 +275,13 @@ class Looks:
         if not bpy.app.background:
             self._timer.start(TICK)
 
-    def _note_places(self) -> set[int]:
-        """The session_uids of the objects that no scene has any more. If others have come, or one has another name, sets are
-        resolved again: objects are paired by their names."""
+    def _note_places(self) -> None:
+        """If objects have come or gone, or one has another name, resolve sets again soon: objects are paired by their names."""
         before, self._places = self._places, _find_places()
-        if self._places == before:
-            return set()
-        self.version += 1
-        self._resolved.clear()
-        self._unwatched, self._hurries = self._round(bpy.context.scene.session_uid), True
-        return {uid for uids, _ in before for uid in uids} - {uid for uids, _ in self._places for uid in uids}
+        if self._places != before:
+            self.version += 1
+            self._resolved.clear()
+            self._unwatched, self._hurries = self._round(bpy.context.scene.session_uid), True
 
     def _note_settings(self, scene: bpy.types.Scene) -> None:
         """Mark the parts of the active set if its settings have changed."""
@@ -454,8 +453,9 @@ class Looks:
 
     def _note_reads(self, part: Part, seen: Seen, asked: Asked) -> None:
         """Note what a part is made from."""
-        if self._uses is None:
-            self._uses = dependencies.Uses()
+        counts = _counts()
+        if self._uses is None or self._counts != counts:
+            self._uses, self._counts = dependencies.Uses(), counts
         low, pair = asked.job.low, object_pairs.of(asked.job.low)
         maps = [item.image for item in pair.maps if item.image is not None] if pair is not None else []
         blocks = {*self._uses.all_of(_objects(asked.job)), *maps}
@@ -484,6 +484,13 @@ def is_busy(context: bpy.types.Context) -> bool:
     """Whether something runs that looks would disturb, or slow down."""
     is_playing = context.screen is not None and context.screen.is_animation_playing
     return display.current is not None or live.is_on or is_playing or render_view.is_busy()
+
+
+def _counts() -> tuple[int, ...]:
+    """How many datablocks there are of each type that parts read."""
+    data = bpy.data
+    blocks = data.objects, data.meshes, data.curves, data.materials, data.node_groups, data.images, data.collections
+    return tuple(map(len, blocks))
 
 
 def _find_places() -> tuple:
