@@ -161,12 +161,13 @@ def test_parts_of_a_collection_are_listed_by_themselves(crate):
     drawn = main(width=2000)
     assert drawn.rows[1][0] == "all_objects"
     assert "lid_low" in drawn.labels
-    assert "crate_low" not in drawn.labels
+    assert drawn.properties.count("imprint_is_baked") == 1
     crate.source = "NAMES"
     drawn = main(width=2000)
     assert drawn.rows[1][0] == "objects"
     assert {"crate_low", "lid_low"} <= set(drawn.labels)
     assert "Bakes 2 parts" in drawn.text
+    assert drawn.properties.count("imprint_is_baked") == 2
     for name in ("lid_low", "lid_high"):
         crate.active_part = bpy.context.view_layer.objects.find(name)
         chosen = set_lists.chosen_low(bpy.context)
