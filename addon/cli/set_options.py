@@ -115,7 +115,7 @@ def _of_set(one: SceneSet, file: str, options: argparse.Namespace, over: Mapping
         raise BakeError(f"{one.name!r}: {one.problem}")
     made = job_file.of_keys(one.keys(file), over)
     made.file = [file] if file else []
-    for name in ("report", "strict", "save_blend", "allow_missing_files"):
+    for name in ("report", "strict", "save_blend", "allow_missing_files", "floater"):
         setattr(made, name, getattr(options, name))
     title = f"the set {one.name!r}"
     if not made.output:

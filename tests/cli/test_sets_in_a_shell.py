@@ -204,6 +204,7 @@ WRONG = {
     "each part": (["--set", "Crate", "--output", "a.png"], 2, "put {low} into --output"),
     "depth": (["--set", "Crate", "--depth", "32"], 2, "A .png file stores 8 or 16 bits per channel, not 32"),
     "untrusted": (["--set", "Crate", "--untrusted"], 2, "--set reads the scene before it is baked"),
+    "floater": (["--set", "Crate", "--floater", "sculp"], 1, "'sculpt'"),
     "scene": (["--set", "Crate", "--scene", "nowhere"], 1, "has no sets"),
     "same file": (
         ["--set", "Crate", "--set", "Wooden", "--output", "maps/x_{low}.png"],
