@@ -381,6 +381,12 @@ def in_another_file_with_other_uvs(world):
     unwrap_another(world)
 
 
+def unwrap_itself_in_another_file(world):
+    """What is baked may have new UVs."""
+    in_another_file(world)
+    scenes.move_uvs(world.jobs["b"].low, (0.96, 0.96), (0.02, 0.0))
+
+
 def in_another_file_with_other_bits(world):
     """As beveled objects have them with each evaluation."""
     in_another_file(world)
@@ -522,6 +528,7 @@ CASES = {
     "other UVs in another file": Case(
         FILES, change=in_another_file_with_other_uvs, refused="'a_low', whose UVs are others in this file"
     ),
+    "own UVs in another file": Case(FILES, change=unwrap_itself_in_another_file),
     "other bits of UVs in another file": Case(FILES, change=in_another_file_with_other_bits),
     "others are not in another file": Case(
         FILES, change=in_another_file_without_others, refused="'a_low', which is not in this file"
