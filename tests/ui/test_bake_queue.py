@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from addon import older_blender
+from addon.core.errors import BakeError
 from addon.core.progress import finish
 from addon.jobs import part_state
 from addon.ui import bake_queue, object_pairs, sets
@@ -429,3 +430,17 @@ def test_nothing_is_half_there_whenever_it_ends(file, tmp_path):
         assert set(states().values()) == {(Stage.DONE, "")}, moment
         assert whole(folder) == expected, moment
         assert changed() == dict.fromkeys(LOWS, []), moment
+
+
+def test_a_disk_without_room_for_the_copy_is_a_sentence(file, tmp_path):
+    resource = pytest.importorskip("resource")
+    folder = opened(file, tmp_path / "there")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, before[1]))
+    try:
+        with pytest.raises(BakeError, match="^A copy of the file to bake from could not be written: [^\n]*[.]$"):
+            add("Files")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert queue.items == []
+    assert [each.name for each in folder.iterdir()] == [file.name]
