@@ -243,6 +243,7 @@ def test_a_file_that_was_never_saved_and_one_that_is_saved_meanwhile(file, tmp_p
     bpy.ops.wm.open_mainfile(filepath=str(file))
     bpy.ops.imprint.bake_sets(name="Memory")  # a map in memory, which saving packs
     add()
+    assert bpy.data.images["rope_low_ao"].is_dirty  # the copy packs none of the window
     (tmp_path / "elsewhere").mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "elsewhere" / "props.blend"), relative_remap=True)
     wait()
