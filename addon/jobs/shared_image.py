@@ -193,7 +193,7 @@ class _Search:
             for faces in _candidates(obj, part):
                 if part.layout in self._layouts(obj, part, faces):
                     return obj, faces
-        is_worn_no_more = bool(named) and part.material and edited is None
+        is_worn_no_more = is_sure and bool(named) and part.material and edited is None
         return (named[0], MaterialSet(part.material, ())) if is_worn_no_more else None
 
     def _objects(self, name: str) -> list[bpy.types.Object]:

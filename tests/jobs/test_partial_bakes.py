@@ -314,6 +314,17 @@ def wear_no_more(world):
     mesh.materials[0] = bpy.data.materials.new("Cloth")
 
 
+def wear_no_more_and_unwrap(world):
+    wear_no_more(world)
+    scenes.move_uvs(world.jobs["a"].low, (0.9, 0.9))
+
+
+def wear_no_more_in_another_file(world):
+    """It may be another object of the same name."""
+    in_another_file(world)
+    wear_no_more_and_unwrap(world)
+
+
 def wear_copies(world):
     """Others wear a copy of the material, which shows the same image."""
     for name in "ac":
@@ -507,6 +518,10 @@ CASES = {
     "a copy with the old UVs": Case(change=keep_a_copy_and_unwrap),
     "other slots": Case(change=reorder_slots),
     "worn no more": Case(change=wear_no_more),
+    "worn no more, in files": Case(FILES, change=wear_no_more_and_unwrap),
+    "worn no more, in another file": Case(
+        FILES, change=wear_no_more_in_another_file, refused="'a_low', whose UVs are others in this file"
+    ),
     "copies of materials": Case(change=wear_copies),
     "a renamed material": Case(change=rename_a_material),
     "painted": Case(change=paint),
