@@ -116,6 +116,7 @@ class IMPRINT_OT_set_add(SetOperator, bpy.types.Operator):
         one = add(context, selection.name_of(lows))
         left = _put(context, one)
         _take_rays(one, lows)
+        one.active_part = 0
         return left
 
 
