@@ -337,7 +337,7 @@ def test_object_colors_count_where_nodes_read_them(tmp_path):
 def test_the_color_space_of_a_texture_counts(tmp_path):
     part = part_edits.make("shape keys", tmp_path, 1)
     part.bake()
-    bpy.data.images[part.texture.name].colorspace_settings.name = "Non-Color"
+    bpy.data.images[part.texture.name].colorspace_settings.name = "Linear Rec.709"
     assert part.changes() == ["the material 'bricks'"]
 
 

@@ -65,7 +65,8 @@ class Part:
         now = finish(part_state.look(bpy.context, job, self.settings, then=then))
         with mock.patch.object(part_state, "_as_shown", lambda _context, request: request):  # as a bake reads
             again = finish(part_state.look(bpy.context, job, self.settings, then=then))
-        assert now.pieces == again.pieces
+        # Of an override, Blender may update the modifiers while it is read.
+        assert now.pieces == again.pieces or any(obj.override_library for obj in (job.low, *job.highs))
         return part_state.changes(then, now)
 
 
