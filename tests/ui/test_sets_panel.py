@@ -66,6 +66,15 @@ def test_a_pinned_row_is_that_of_the_set_and_others_are_those_of_the_scene(crate
     assert (rows["margin"], crate.settings.sampling.margin) == (8, 8)
 
 
+def test_the_menu_of_sizes_sets_what_the_row_shows(crate):
+    scene = bpy.context.scene.imprint
+    assert bpy.ops.imprint.resize(side=64) == {"FINISHED"}
+    assert (scene.width, crate.own.names_of_own()) == (64, [])
+    bpy.ops.imprint.set_own(setting="size")
+    assert bpy.ops.imprint.resize(factor=2.0) == {"FINISHED"}
+    assert (scene.width, crate.settings.sampling.size) == (64, (128, 128))
+
+
 def test_all_own_settings_go_back_by_one_press(crate):
     for name in ("margin", "maps", "size", "depth"):
         bpy.ops.imprint.set_own(setting=name)
