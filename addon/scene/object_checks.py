@@ -182,6 +182,9 @@ def may_differ_in_renders(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool
         has_levels = hasattr(modifier, "render_levels")
         if has_levels and (modifier.levels != modifier.render_levels or scene.render.use_simplify):
             return True
+        texture = getattr(modifier, "texture", None)
+        if texture is not None and texture.type == "IMAGE":  # the viewport may still show what the image was before
+            return True
     return bool(obj.modifiers) and obj.animation_data is not None  # it may drive them
 
 

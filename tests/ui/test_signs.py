@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from addon.jobs.part_state import Status
+from addon.scene import object_checks
 from addon.ui import bake_panel, object_pairs, results_panel, sets, signs
 from addon.ui import looks as looks_module
 from addon.ui.progress_display import display
@@ -438,6 +439,25 @@ def test_a_painted_texture(props):
     image.update()
     assert settle() == 1
     assert statuses()["door"] == Status.CHANGED
+
+
+def test_a_painted_displacement(props):
+    """The viewport's mesh does not follow the image, but that of a bake does."""
+    image = bpy.data.images.new("paint", 8, 8)
+    image.pack()
+    texture = bpy.data.textures.new("paint", "IMAGE")
+    texture.image = image
+    bpy.data.objects["door_high"].modifiers.new("Displace", "DISPLACE").texture = texture
+    baked()
+    image.pixels.foreach_set(np.full(256, 0.25, np.float32))
+    image.update()
+    assert settle() == 1
+    assert show()["door"].text == "Changed since the bake: the mesh of 'door_high'"
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    texture.type = "CLOUDS"  # the viewport follows this, and the look needs no scene of its own
+    assert not object_checks.may_differ_in_renders(bpy.data.objects["door_high"], bpy.context.scene)
 
 
 def test_occluders_are_parts_of_each_other(props):
