@@ -5,7 +5,7 @@ All is hashed as the engine gets it, after modifiers, poses and nodes: what chan
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any
@@ -106,8 +106,9 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     others = list(map(Other.of, meshes.others)) if others is None else others
     if others:
         pieces[f"{OTHERS}:"] = short(sorted([each.key, (each.place - low.to_world[:3, 3]).tolist()] for each in others))
+    sockets = {BY_NAME[name].socket for name in settings.map.drawn_maps}
     for material in meshes.materials:
-        _add(pieces, MATERIAL, material.name, _of_material(material))
+        _add(pieces, MATERIAL, material.name, _of_material(material, sockets))
     for name, value in deciding(settings).items():
         if name not in _SIZES:
             pieces[f"{SETTING}:{name}"] = short(value)
@@ -224,8 +225,10 @@ def _of_exact(feed: ExactFeed) -> tuple[str, bool]:
     return exact_keys.of_socket(material, feed.socket) if material is not None else ("", False)
 
 
-def _of_material(material: HighMaterial) -> str:
-    return short(_plain({"feeds": material.feeds, "detail": material.detail, "cutout": material.cutout}))
+def _of_material(material: HighMaterial, sockets: Collection[str]) -> str:
+    """The key of a material. sockets: those that maps show: faces without a material have values for others as well."""
+    feeds = {socket: feed for socket, feed in material.feeds.items() if socket in sockets}
+    return short(_plain({"feeds": feeds, "detail": material.detail, "cutout": material.cutout}))
 
 
 def _plain(value: Any) -> Any:
@@ -240,8 +243,8 @@ def _plain(value: Any) -> Any:
             uid, _, how = value.image.partition(":")
             plain["image"] = [content_keys.of_image(_block(bpy.data.images, int(uid))), how]
         return [type(value).__name__, plain]
-    if isinstance(value, float) and not np.isfinite(value):
-        return str(value)
+    if isinstance(value, float):  # the values of faces without a material have more digits than nodes
+        return float(np.float32(value)) if np.isfinite(value) else str(value)
     return [_plain(each) for each in value] if isinstance(value, tuple | list) else value
 
 

@@ -371,3 +371,30 @@ def test_settings_that_decide(name, value):
     job, settings = pair(), Settings(**SAME)
     bake(job, settings)
     assert f"the setting {DECLARED[name].label}" in found(job, Settings(**settings.flat() | {name: value}))
+
+
+@pytest.mark.parametrize("maps", [(), ("AO",), ("BASE_COLOR", "METALLIC"), ("MATERIAL_ID", "ROUGHNESS")])
+@pytest.mark.parametrize("slots", [0, 1])
+def test_the_material_that_a_bake_makes_is_no_change(slots, maps):
+    """An object without a material gets one with the maps, whose values the next bake reads: they are the same ones."""
+    low = zoo.plane("door_low", 2)
+    low.data.materials.clear()
+    low.modifiers.new("Rounder", "SUBSURF").levels = 2
+    if slots:
+        low.data.materials.append(None)
+    bpy.context.view_layer.update()
+    job = Job(low, [low])
+    settings = Settings(**SAME | {"material": True, "maps": maps, "method": "FLATTEN"})
+    bake(job, settings)
+    assert low.material_slots[0].material is not None
+    texels = shown(low)
+    assert found(job, settings) == []
+    bake(job, settings)
+    assert all(np.array_equal(texels[name], values) for name, values in shown(low).items())
+    assert found(job, settings) == []
+
+
+def shown(low):
+    """The texels of the maps of an object."""
+    images = [item.image for item in low.imprint.maps]
+    return {image.name: np.array(image.pixels) for image in images}
