@@ -801,6 +801,7 @@ def test_what_the_manager_refuses_is_shown(address, sent, tmp_path, monkeypatch)
 def test_the_examples_of_operators_bake(tmp_path):
     zoo.plane("rock_low")
     zoo.plane("rock_high", slope=0.2)
+    use(size=32)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rock.blend"))
     (example,) = (text for _, text in blocks(ROOT / "docs" / "python.md") if text.startswith("import bpy"))
     exec(example.replace("1024", "32").replace("last=48", "last=2"))

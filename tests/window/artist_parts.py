@@ -419,7 +419,7 @@ def part_prop() -> Steps:
         low = grid(f"prop_{number:02}_low", 4, x=4.0 * number)
         low.data.materials.append(bpy.data.materials[MATERIALS[number % 3]])
         grid(f"prop_{number:02}_high", 30, x=4.0 * number, height=0.15).data.materials.append(red())
-    settings.maps = {"AO", "CURVATURE", "BASE_COLOR", "ROUGHNESS", "METALLIC", "HEIGHT"}
+    settings.maps = {"AO", "CURVATURE", "BASE_COLOR", "ROUGHNESS", "METALLIC", "THICKNESS"}
     keep_for("prop_next_day")
     yield from all_selected()
     yield from counted()
