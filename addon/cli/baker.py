@@ -261,7 +261,9 @@ class Baker:
             problems = [*opened.problems, *(chain.left_out if chain else ())]
             warnings = [*problems, *(text for report in reports for text in report.warnings)]
             self._states = opened.kept.states | changed_parts.states_of(reports)
-            values = [*opened.kept.reports, *(report.to_dict() for report in reports)]
+            baked = {report.low for report in reports}  # one with true maps too, if an image had lost its texels
+            values = [each for each in opened.kept.reports if each["low"] not in baked]
+            values += [report.to_dict() for report in reports]
             over = limits.over(options.strict, values)
             over += [text for report in reports for text in report.asset.get("missed", ())]
             entry = Entry(
@@ -511,6 +513,7 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
         work = work_on_frames(bpy.context, jobs[0], settings, plans.frames(options), speed, wants=wants)
     else:
         shared = {"share_image": share_image, "shared_name": _shared_name(options), "only": opened.only}
+        shared["also"] = opened.kept.lows
         work = bake_jobs.work(bpy.context, jobs, settings, speed, wants=wants, **shared)
     try:
         return _Baked(progress.finish(work, on_step))

@@ -51,7 +51,7 @@ def look(
     before = _of_record(options, record, contents)
     known: dict[str, dict[int, Any]] = {}
 
-    def is_true(job: Job, then: str, of_job: Settings, whose: str) -> bool:
+    def is_true(job: Job, then: str, of_job: Settings, whose: str, **shared: Any) -> bool:
         state = State.of_json(then) if then else None
         if state is None:
             return False
@@ -61,14 +61,15 @@ def look(
         return not part_state.changes(state, progress.finish(looked))
 
     lows, reports, states = set(), [], {}
-    of_window, its_settings = options.of_window or ({}, settings)
+    of_window, its_settings, is_shared = options.of_window or ({}, settings, False)
+    in_window = shared | {"share_image": is_shared}  # also one part alone
     for job in jobs:
         name = job.low.name
         state, own = before.get(name, ("", []))
-        if is_true(job, state, settings, "record"):
+        if is_true(job, state, settings, "record", **shared):
             reports += own
             states[name] = state
-        elif not is_true(job, of_window.get(name, ""), its_settings, "window"):
+        elif not is_true(job, of_window.get(name, ""), its_settings, "window", **in_window):
             continue
         lows.add(job.low_ref.uid)
     is_whole = options.export or options.save_blend  # a file of all low objects

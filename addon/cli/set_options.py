@@ -130,7 +130,7 @@ def _of_set(one: SceneSet, file: str, options: argparse.Namespace, over: Mapping
         raise WrongUsage(f"{title}: {'; '.join(problems)}")
     made.notes = one.left_out
     if not over.keys() & {*PART_OF, "size"}:
-        made.of_window = dict(one.states), one.settings
+        made.of_window = dict(one.states), one.settings, one.share_image
     return made
 
 

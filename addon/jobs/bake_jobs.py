@@ -5,6 +5,7 @@ Fills in names, checks for clashes, and counts maps.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -81,6 +82,7 @@ def work(
     share_image: bool = False,
     shared_name: str = ATLAS,
     only: Collection[int] | None = None,
+    also: Collection[int] = (),
     goes_on: bool = False,
 ) -> Task[list[Report]]:
     """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas);
@@ -97,11 +99,14 @@ def work(
         shared_name: takes the place of "{low}" in the name of a shared image, and of the material where faces have none.
         only: session_uids of the low objects that are baked; None for all. The others keep their texels, but shade what is
             baked, and their names count.
+        also: session_uids of others that are baked as well where an image that low objects share has not their texels.
         goes_on: whether a bake that fails does not end the others: a step with the failure follows it, and only if all fail, it
             raises BakeError.
     """
     shared_name = shared_name if share_image else ""
     groups = _groups(context, jobs, settings, wants, shared_name)
+    if only is not None and also and shared_name:
+        only = {*only, *_lost(context, groups, only, also)}
     planned, failures = _checked(context, groups, only, shared_name)
     for name, error in failures.items():
         if not goes_on:
@@ -131,6 +136,18 @@ def work(
     if not reports and failed:
         raise BakeError(next(iter(failed.values())))
     return reports
+
+
+def _lost(
+    context: bpy.types.Context, groups: Sequence[Sequence[Request]], only: Collection[int], also: Collection[int]
+) -> Iterator[int]:
+    """The session_uids among `also` of low objects whose texels are not in an image that is baked. only: as in `work`."""
+    for group in groups:
+        jobs = [request.job for request in group if request.job.low_ref.uid in only]
+        others = [request.job for request in group if request.job.low_ref.uid in {*also} - {*only}]
+        with suppress(BakeError):  # the bake tells it
+            if jobs and others:
+                yield from (job.low_ref.uid for job in shared_image.lost(context, jobs, others, group[0].settings))
 
 
 def _checked(
@@ -226,7 +243,7 @@ def _requests(
     for job, of_job in zip(own_jobs, weights.settings_by_job(jobs, settings, own_jobs), strict=True):
         own = _of_job(of_job, job, is_shared=bool(shared_name))
         shading = occluders(context, job, jobs, settings.tracing)
-        yield Request(job, named(own, job, shared_name), NOTHING_ELSE, shading, own)
+        yield Request(job, named(own, job, shared_name), NOTHING_ELSE, shading, own, bool(shared_name))
 
 
 def _of_job(settings: Settings, job: Job, *, is_shared: bool) -> Settings:

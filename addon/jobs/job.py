@@ -165,6 +165,8 @@ class Request:
     """Other objects that are occluders."""
     unnamed: Settings | None = None
     """The settings before names were filled in; None for `settings`."""
+    is_shared: bool = False
+    """Whether low objects share the images."""
 
     @property
     def asked(self) -> Settings:

@@ -30,12 +30,13 @@ from .state_pieces import (
     PLACE,
     PROBLEM,
     SETTING,
+    TARGET,
     UVS,
     Other,
     State,
     are_same_uvs,
     of_read,
-    of_size,
+    of_texture,
 )
 
 __all__ = ["State", "Status", "changes", "keep", "kept", "look", "status"]
@@ -103,7 +104,7 @@ def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[i
     read = {mesh.name: Other.of(mesh) for mesh in meshes.others}
     known |= {ref.uid: read.get(ref.name) for ref in new}
     others = [other for ref in first.other_refs if (other := known[ref.uid]) is not None]
-    return of_read(first, meshes, others).joined(map(of_size, requests[1:]))
+    return of_read(first, meshes, others).joined(map(of_texture, requests[1:]))
 
 
 def _as_shown(context: bpy.types.Context, request: Request) -> Request:
@@ -132,9 +133,17 @@ def changes(then: State, now: State) -> list[str]:
     clauses += [f"the place of {name!r}" for name in moved]
     clauses += ["the objects that shade it" for _ in _differing(then, now, OTHERS)]
     clauses += [f"the material {name!r}" for name in _differing(then, now, MATERIAL)]
-    clauses += map(_of_setting, _differing(then, now, SETTING))
+    settings = _differing(then, now, SETTING)
+    clauses += map(_of_setting, settings)
+    if _STORING.isdisjoint(settings):
+        targets = dict.fromkeys(name.partition(" ")[0] for name in _differing(then, now, TARGET))
+        clauses += [f"the name of the {target}" for target in targets]
     clauses += ["Imprint itself" for _ in _differing(then, now, CODE)]
     return clauses
+
+
+_STORING = {"image", "output", "storage", "texture_sets"}
+"""Settings that decide by themselves which images and files a bake fills."""
 
 
 def _of_setting(name: str) -> str:
@@ -167,7 +176,7 @@ def _differing(then: State, now: State, kind: str) -> list[str]:
             name: before[name] if name in before and are_same_uvs(before[name], key) else key
             for name, key in after.items()
         }
-    if kind == SETTING:  # another one, which differs, decides whether a setting has a meaning
+    if kind in {SETTING, TARGET}:  # another one, which differs, decides whether a setting has a meaning
         return [name for name in after if before.get(name, after[name]) != after[name]]
     if list(before.values()) == list(after.values()):
         return []

@@ -15,7 +15,7 @@ from ..core.settings import Settings
 from ..output.map_names import planned_files, settings_by_map
 from ..output.path_clashes import Places
 from ..scene.mesh_reader import active_uv_layer
-from . import bake_jobs
+from . import bake_jobs, part_state
 from .job import NOTHING_ELSE, Job, Wants, by_material
 
 
@@ -65,11 +65,13 @@ def work(
 ) -> Task[list[Report]]:
     """Bake a set, as bake_jobs.work. A part that fails does not end the others: a step with the failure follows it.
 
-    only: the session_uids of the low objects that are baked; None for all. The others keep their texels.
+    only: the session_uids of the low objects that are baked; None for all. The others keep their texels; those that were baked
+        into another image than the one that they share now are baked as well.
     """
     wanted = [job.low_ref.uid for job in set_job.wanted(only)]
     if not wanted:
         raise BakeError(nothing_to_bake(set_job))
+    baked = {job.low_ref.uid for job in set_job.wanted() if part_state.kept(job.low) is not None}
     return (
         yield from bake_jobs.work(
             context,
@@ -80,6 +82,7 @@ def work(
             share_image=set_job.share_image,
             shared_name=set_job.name,
             only=wanted,
+            also=baked,
             goes_on=True,
         )
     )

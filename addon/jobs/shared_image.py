@@ -74,6 +74,24 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
     return Kept(parts, tiles, {part: search.found[part] for others in parts.values() for part in others})
 
 
+def lost(context: bpy.types.Context, jobs: Sequence[Job], others: Sequence[Job], settings: Settings) -> list[Job]:
+    """The `others` of which some map would have no texels if `jobs` alone are baked into the maps that they share. settings: as
+    for `kept`. Raises BakeError as `kept`."""
+    by_map = map_names.settings_by_map(settings)
+
+    def are_in(job: Job, parts: dict[str, list[Part]]) -> bool:
+        own = (job.low.name, job.material), (job.low.name, "")
+        return all(any((part.name, part.material) in own for part in parts.get(name, ())) for name in by_map)
+
+    noted = {
+        name: shared_maps.joined(shared_maps.parts_of_files(of_map), shared_maps.parts_of_image(of_map.storing.image))
+        for name, of_map in by_map.items()
+    }
+    unknown = [job for job in others if not are_in(job, noted)]
+    found = kept(context, jobs, settings, is_shared=True).parts if unknown else {}  # also of objects that were renamed
+    return [job for job in unknown if not are_in(job, found)]
+
+
 def check_alone(context: bpy.types.Context, job: Job, settings: Settings, what: str) -> None:
     """Raise BakeError if others are in the maps of a job that writes all of them. what: that job, in a sentence."""
     search = _Search(context, [job], settings)

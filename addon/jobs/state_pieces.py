@@ -28,7 +28,7 @@ from ..scene.materials import exact_keys
 from .job import Request
 
 MESH, UVS, PLACE, OTHERS, MATERIAL, SETTING = "mesh", "uvs", "place", "others", "material", "setting"
-IMAGE, CODE, PROBLEM = "image", "code", "problem"
+IMAGE, TARGET, CODE, PROBLEM = "image", "target", "code", "problem"
 """Kinds of pieces: their names start with one and a colon."""
 
 
@@ -113,14 +113,22 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
         if name not in _SIZES:
             pieces[f"{SETTING}:{name}"] = short(value)
     pieces[f"{CODE}:"] = versions.code()[:16]
-    return State(pieces).joined([of_size(request)])
+    return State(pieces).joined([of_texture(request)])
 
 
-def of_size(request: Request) -> State:
-    """The size of the maps, which each texture set can have for itself."""
-    material, sampling = request.job.material, request.asked.sampling
+def of_texture(request: Request) -> State:
+    """What each texture set can have for itself: the size of its maps, and which image and file they fill.
+
+    The name of an image that a low object has alone is no piece: one that shows the same under a former name is as good.
+    """
+    material, sampling, storing = request.job.material, request.asked.sampling, request.settings.storing
     names = (f"{SETTING}:{name} {material}".strip() for name in _SIZES)
-    return State(dict(zip(names, map(short, sampling.size), strict=True)))
+    pieces = dict(zip(names, map(short, sampling.size), strict=True))
+    slots = " ".join(map(str, request.job.slots or ()))  # not the material, which may be renamed
+    pieces[f"{TARGET}:image {slots}"] = short(storing.image if request.is_shared else "")
+    if storing.storage == Storage.FILE:
+        pieces[f"{TARGET}:file {slots}"] = short(storing.output)
+    return State(pieces)
 
 
 def _add(pieces: dict[str, str], kind: str, name: str, key: str) -> None:

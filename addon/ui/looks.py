@@ -22,7 +22,7 @@ from ..core.settings import Settings
 from ..jobs import part_state
 from ..jobs.job import Job, PastBake
 from ..jobs.part_state import State, Status
-from ..jobs.state_pieces import PROBLEM, SETTING
+from ..jobs.state_pieces import PROBLEM, SETTING, TARGET
 from ..scene import dependencies, evaluation, object_checks, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, sets
@@ -568,6 +568,6 @@ def _again(context: bpy.types.Context, low: bpy.types.Object) -> Asked:
 
 def _with_settings(now: State, then: State) -> State:
     """A state with the settings of another one: a look at the last bake of a low object does not ask for others."""
-    start = f"{SETTING}:"
-    pieces = {name: key for name, key in now.pieces.items() if not name.startswith(start)}
-    return State(pieces | {name: key for name, key in then.pieces.items() if name.startswith(start)})
+    starts = f"{SETTING}:", f"{TARGET}:"
+    pieces = {name: key for name, key in now.pieces.items() if not name.startswith(starts)}
+    return State(pieces | {name: key for name, key in then.pieces.items() if name.startswith(starts)})

@@ -635,3 +635,81 @@ def test_a_slice_ends_after_its_time(props):
     before = looks.count
     assert looks.advance(bpy.context, 1e-9)
     assert looks.count - before <= 1
+
+
+def side_by_side():
+    """Give each part a third of the tile."""
+    for number, name in enumerate(NAMES):
+        for corner in bpy.data.objects[f"{name}_low"].data.uv_layers.active.data:
+            corner.uv = ((corner.uv[0] + number) / 3.0, corner.uv[1])
+
+
+def wear(material):
+    for name in NAMES:
+        bpy.data.objects[f"{name}_low"].data.materials.append(material)
+
+
+def rename_set(props):
+    props.name = "Coach"
+
+
+def rename_material(_props):
+    bpy.data.materials["Wood"].name = "Oak"
+
+
+def rename_low(_props):
+    bpy.data.objects["door_low"].name, bpy.data.objects["door_high"].name = "gate_low", "gate_high"
+
+
+SIDES = "the name of the image", "the name of the file"
+OTHER_PLACES = {
+    "set, one image": ("ONE", "//{low}.png", rename_set, SIDES, NAMES),
+    "set, in memory": ("ONE", "", rename_set, SIDES[:1], NAMES),
+    "material": ("MATERIAL", "//{material}.png", rename_material, SIDES, NAMES),
+    "parts to one": ("PART", "", lambda props: setattr(props, "textures", "ONE"), SIDES[:1], NAMES),
+    "one to parts": ("ONE", "", lambda props: setattr(props, "textures", "PART"), SIDES[:1], NAMES),
+    "low": ("PART", "//{low}.png", rename_low, SIDES[1:], ["gate"]),
+    "name of the low": ("PART", "//{name}.png", rename_low, SIDES[1:], ["gate"]),
+}
+"""What Textures is, the path of files or none, what is done, the changes, and which parts have them."""
+
+
+@pytest.mark.parametrize("what", OTHER_PLACES)
+def test_a_bake_into_another_image_or_file_is_a_change(props, tmp_path, what):
+    props.textures, output, act, changes, changed = OTHER_PLACES[what]
+    side_by_side()
+    wear(bpy.data.materials.new("Wood"))
+    use(storage="FILE" if output else "MEMORY", output=output.replace("//", f"{tmp_path}/"), size=48)
+    baked()
+    act(props)
+    settle()
+    said = {name: sign.text for name, sign in show().items() if sign.status == Status.CHANGED}
+    assert said == dict.fromkeys(changed, f"Changed since the bake: {', '.join(changes)}")
+    bake(changed=True)
+    settle()
+    assert set(statuses().values()) == {Status.TRUE}
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+def test_an_image_of_a_new_name_has_all_parts(props, tmp_path, monkeypatch, is_told):
+    """Also if their signs do not know it."""
+    props.textures = "ONE"
+    side_by_side()
+    use(storage="FILE", output=str(tmp_path / "{low}.png"), size=48)
+    baked()
+    files, whole = list(tmp_path.glob("*.png")), texels_of_all(tmp_path)
+    rename_set(props)
+    if not is_told:
+        monkeypatch.setattr(looks_module.part_state, "changes", lambda then, now: [])
+        object_pairs.keep_failure(bpy.data.objects["door_low"], "It failed.")
+    bake(changed=True)
+    for path in files:
+        path.unlink()
+    after = texels_of_all(tmp_path)
+    assert len(after) == len(whole) == 6
+    for (name, part), texels in whole.items():
+        assert np.array_equal(after[name.replace("Cart", "Coach"), part], texels)
+
+
+def texels_of_all(folder):
+    return {(path, part): texels for part in NAMES for path, texels in texels_of_part(part, folder).items()}
