@@ -460,7 +460,8 @@ def part_prop_next_day() -> Steps:
     yield from counted()
     yield from press('imprint.bake_sets(name="prop", changed=True')
     yield from finished()
-    yield 2.0
+    yield 2.0  # until looks have begun
+    yield from until(is_looked_at)
     picture("baked")
     check(f"one press: {len(window.presses)}", len(window.presses) == 1)
     again = sorted(name for name, when in _baked().items() if when and when != baked.get(name))
