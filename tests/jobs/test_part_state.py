@@ -334,6 +334,33 @@ def test_object_colors_count_where_nodes_read_them(tmp_path):
     assert part.changes() == [f"the mesh of '{part_edits.HIGH}'"]
 
 
+@pytest.mark.parametrize("is_in_group", [False, True])
+def test_the_pass_index_of_a_material_counts_where_nodes_read_it(is_in_group, tmp_path):
+    part = part_edits.make("noise", tmp_path, 1)
+    material = part.object(part_edits.HIGH).data.materials[0]
+    tree, inner = material.node_tree, None
+    if is_in_group:
+        inner = bpy.data.node_groups.new("index", "ShaderNodeTree")
+        inner.interface.new_socket("Index", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    info = (inner or tree).nodes.new("ShaderNodeObjectInfo")
+    index = info.outputs["Material Index"]
+    if inner is not None:
+        inner.links.new(index, inner.nodes.new("NodeGroupOutput").inputs[0])
+        group = tree.nodes.new("ShaderNodeGroup")
+        group.node_tree = inner
+        index = group.outputs[0]
+    else:
+        tree.links.new(info.outputs["Alpha"], tree.nodes["Noise Texture"].inputs["Detail"])
+    part.bake()
+    material.pass_index = 1  # which nothing reads yet
+    assert part.changes() == []
+    tree.links.new(index, tree.nodes["Noise Texture"].inputs["Scale"])
+    before = part.bake()
+    material.pass_index = 7
+    assert part.changes() == ["the material 'bricks'"]
+    assert not part_edits.is_same(before, part.bake())
+
+
 def test_the_color_space_of_a_texture_counts(tmp_path):
     part = part_edits.make("shape keys", tmp_path, 1)
     part.bake()

@@ -27,7 +27,7 @@ def of_socket(material: Material, socket: str) -> tuple[str, bool]:
         shader = find_shader(values, material)
     except NotFollowedError:
         return "", False
-    found = _Nodes(values)
+    found = _Nodes(values, material.pass_index)
     if socket == NORMAL:
         moved = displacement(values, material)
         what = [found.normal(shader), found.at(moved) if moved is not None else None]
@@ -38,9 +38,14 @@ def of_socket(material: Material, socket: str) -> tuple[str, bool]:
 
 @dataclass
 class _Nodes:
-    """The nodes that feed some sockets, as plain data, each once."""
+    """The nodes that feed some sockets, as plain data, each once.
+
+    Attributes:
+        pass_index: Of their material, which some of them read.
+    """
 
     values: NodeValues
+    pass_index: int
     nodes: list[Any] = field(default_factory=list)
     is_of_world: bool = False
     _numbers: dict[Place, int] = field(default_factory=dict)
@@ -82,6 +87,8 @@ class _Nodes:
             inputs = [[each.identifier, self.at(output.beside(each))] for each in node.inputs if each.enabled]
             own = [content_keys.plain_value(_default(output.beside(each))) for each in node.outputs]
             kind = [node.bl_idname, output.socket.identifier, content_keys.settings_of(node)]
+            if output.socket.name == "Material Index":
+                kind.append(self.pass_index)
             self.nodes[number] = [kind, inputs, own]
         return self._numbers[output]
 
