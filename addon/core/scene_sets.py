@@ -195,7 +195,7 @@ class JobSet:
     @classmethod
     def of_keys(cls, table: Mapping[str, Any]) -> "JobSet":
         """From the keys of a job file. Raises BakeError for values that are none."""
-        keys = {key.replace("_", "-"): value for key, value in table.items() if value not in ([], False)}
+        keys = {key.replace("_", "-"): value for key, value in table.items() if value is not False and value != []}
         parts = [Part.of_text(each if isinstance(each, str) else json.dumps(each)) for each in _listed(keys, "part")]
         named = {part.low for part in parts}
         lows, highs, cage = _listed(keys, "low"), _listed(keys, "high"), str(keys.pop("cage", ""))

@@ -13,7 +13,7 @@ from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes
-from addon.core.scene_sets import Part, SceneSet, keys_of
+from addon.core.scene_sets import JobSet, Part, SceneSet, keys_of
 from addon.core.settings import PART_OF, Settings
 
 USUAL = Settings(width=64, height=32, storage="FILE", output="/maps/{low}.png", depth=16)
@@ -72,6 +72,28 @@ def test_each_setting_alone_is_the_same_when_it_is_read():
         if name not in {"storage", "low_suffix", "width", "height", "tiles"}:
             settings = Settings(**USUAL.flat() | {name: another(chance, name)})
             assert arguments.settings(read(keys_of(settings))) == settings, name
+
+
+def test_a_zero_is_kept():
+    """In the window, too, which reads a job file by itself."""
+    tried = []
+    for name in PART_OF:
+        if isinstance(DECLARED[name], kinds.WholeNumber | kinds.Distance) and name not in {"width", "height"}:
+            settings = Settings(**USUAL.flat() | {name: 0})
+            keys = keys_of(settings)
+            if keys != keys_of(USUAL) and not _is_refused(settings):
+                tried.append(name)
+                assert JobSet.of_keys(keys).settings == settings, name
+                assert arguments.settings(read(keys)) == settings, name
+    assert {"margin", "mips", "extrusion"} <= {*tried}
+
+
+def _is_refused(settings):
+    try:
+        settings.check()
+    except BakeError:
+        return True
+    return False
 
 
 def test_another_suffix_is_kept():
