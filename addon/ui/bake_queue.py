@@ -17,7 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -32,7 +32,7 @@ from ..core.errors import BakeError, reason, shorten_list
 from ..core.processes import CONNECTION, ENDING, Gone, Process, crash_output, in_blender
 from ..core.report import Report
 from ..jobs.state_pieces import State
-from ..output import atomic_file, datablocks, journal
+from ..output import atomic_file, datablocks, journal, shared_maps
 from ..output.atomic_file import TemporaryPath
 from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
@@ -135,8 +135,8 @@ class Run:
         folder: For large data that the process writes for the window.
         copy: The copy of the file, if it lies beside it; else it is in the folder.
         refs: The objects of the file, by name and library.
-        images: What each image was, by name, see `_token`.
-        baked: When each low object was baked, by its session_uid.
+        images: What each image was then, or is since this queue has filled it, by name, see `_token`.
+        baked: When each low object was baked, in the window by then or by this queue, by its session_uid.
         pressed: Nanoseconds, by time.time_ns.
     """
 
@@ -147,6 +147,8 @@ class Run:
     images: dict[str, tuple]
     baked: dict[int, str]
     pressed: int
+    filled: set[str] = field(default_factory=set)
+    """The images that this queue has filled since the copy was saved."""
     has_opened: bool = False
     """Whether a process has opened the copy."""
 
@@ -194,6 +196,8 @@ class BakeProcess(Process):
         self.run, self.gone_at = run, 0.0
         self.done: float = 0.0
         """The finished share of its set."""
+        self.lacks = frozenset(run.filled)
+        """The images that its copy has as they were before this queue filled them."""
         self.folders: list[str] = []
         """In which it has temporary files."""
         super().__init__(messages)
@@ -248,11 +252,11 @@ class Queue:
 
         changed: only parts whose maps are not those of the file.
         """
-        for name in names:
-            self.cancel(context.scene, name)
         start = time.perf_counter()
         run = _save(context)
         self.saving = time.perf_counter() - start
+        for name in names:
+            self.cancel(context.scene, name)
         self._runs.append(run)
         self.is_paused &= any(each.is_open for each in self.items)
         uid = context.scene.session_uid
@@ -440,8 +444,11 @@ class Queue:
     # What arrives
 
     def _arrive(self) -> None:
-        """Put what was made into the file, as soon as it may be changed."""
+        """Put what was made into the file, as soon as it may be changed, unless its set was canceled."""
         made = self._made
+        if not self._baking():
+            self._arrived("The set was canceled.")
+            return
         if _must_wait(made):
             return
         problem = self._newer(made)
@@ -481,25 +488,35 @@ class Queue:
         if gone or None in _lows(made):
             return "A low object was deleted during the bake, so its maps were left out."
         for low in _lows(made):
-            if run.baked.get(low.session_uid, "") != _baked(low):
+            if _baked(low) > run.baked.get(low.session_uid, ""):
                 return f"{low.name!r} was baked again meanwhile: these newer maps stay."
         for name in journal.images_of(made.calls):
             image = datablocks.get(name)
             if image is not None and not _is_same(image, run.images.get(name)):
                 return f"The image {name!r} was changed meanwhile, and stays: add the set again."
+            others = {part.name for part in shared_maps.parts_of_image(name)} - {low.name for low in _lows(made)}
+            if others and name in self._process.lacks:
+                got = shorten_list(map(repr, sorted(others)))
+                return f"The image {name!r} was baked for {got} meanwhile, and stays: add the set again."
         for path in journal.files_of(made.calls):
             stamp = _stamp(path)
             if stamp and stamp != self._written.get(path) and max(stamp[:2]) > run.pressed:
                 return f"The file {path!r} was changed meanwhile, and stays: add the set again."
         return ""
 
+    def _know(self, made: Made) -> None:
+        """Note what the file has since something was put into it: for no press is that newer than its copy."""
+        baked = {low.session_uid: _baked(low) for low in filter(None, _lows(made))}
+        images = {name: _token(datablocks.get(name)) for name in journal.images_of(made.calls)}
+        for run in self._runs:
+            run.baked.update(baked)
+            run.images.update(images)
+            run.filled.update(images)
+
     def _note(self, made: Made) -> None:
-        """Note what the file has since something was put into it."""
-        run = made.run
-        for low in filter(None, _lows(made)):
-            run.baked[low.session_uid] = made.baked = _baked(low)
-        for name in journal.images_of(made.calls):
-            run.images[name] = _token(datablocks.get(name))
+        """Note what was put into the file."""
+        made.baked = max(map(_baked, filter(None, _lows(made))), default="")
+        self._know(made)
         for path in journal.files_of(made.calls):
             self._written[path] = _stamp(path)
         self._taken.append(made)
@@ -510,11 +527,10 @@ class Queue:
         """Put back what Undo took: the window did it in no step."""
         if self._putting is not None:
             self._putting = _put(self._made, again=True)
-        for made in self._taken:
-            lows = [low for low in _lows(made) if low is not None]
-            if lows and all(_baked(low) < made.baked for low in lows):
-                with suppress(BakeError):
-                    _exhaust(_put(made, again=True))
+        for made in [made for made in self._taken if _is_lost(made)]:  # putting one back makes its low objects newer
+            with suppress(BakeError):
+                _exhaust(_put(made, again=True))
+            self._know(made)
 
 
 queue = Queue()
@@ -638,6 +654,12 @@ def _stamp(path: str) -> tuple[int, ...]:
 def _lows(made: Made) -> list[bpy.types.Object | None]:
     """The low objects of what was made; None for one that is gone."""
     return [made.run.find(*report["refs"][0]) for report in made.reports]
+
+
+def _is_lost(made: Made) -> bool:
+    """Whether Undo took what was made from the file."""
+    lows = [low for low in _lows(made) if low is not None]
+    return bool(lows) and all(_baked(low) < made.baked for low in lows)
 
 
 def _must_wait(made: Made) -> bool:

@@ -445,3 +445,80 @@ def test_a_disk_without_room_for_the_copy_is_a_sentence(file, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert queue.items == []
     assert [each.name for each in folder.iterdir()] == [file.name]
+
+
+def press(name):
+    assert bpy.ops.imprint.queue_add(name=name) == {"FINISHED"}
+
+
+def test_a_set_that_is_added_again_while_it_is_baked_gets_the_newer_maps(file, tmp_path):
+    """Its first press, canceled by the second one, delivers a part after the second copy was saved."""
+    opened(file, tmp_path / "there")
+    press("Files")
+    wait(lambda: any(item.state is Stage.BAKING for item in queue.items))
+    until = time.monotonic() + PATIENCE
+    while queue._messages.empty():  # between two looks of the timer
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    bpy.data.objects["crate_high"].data.vertices[0].co.x += 0.5
+    press("Files")
+    wait()
+    assert states() == {"Files": (Stage.DONE, "")}
+    assert changed()["crate_low"] == []
+
+
+def test_two_presses_of_one_low_object_arrive_both(file, tmp_path):
+    """What the queue itself has put into the file is not newer than another press."""
+    opened(file, tmp_path / "there")
+    bpy.context.scene.imprint_sets["Memory"].own.image = "rope"
+    other = new_set(bpy.data.objects["rope_low"], name="Other").own
+    other.image, other.width, other.height = "small", 16, 16
+    press("Memory")
+    press("Other")
+    wait()
+    assert states() == dict.fromkeys(("Memory", "Other"), (Stage.DONE, ""))
+    assert sizes("rope") == {(SIDE, SIDE)} and sizes("small") == {(16, 16)}
+
+
+def sizes(name):
+    return {tuple(image.size) for image in bpy.data.images if image.name.startswith(name)}
+
+
+def test_undo_leaves_the_later_one_of_two_results(file, tmp_path):
+    """And what it makes newer is not newer than a press."""
+    opened(file, tmp_path / "there")
+    bpy.ops.ed.undo_push(message="before")
+    memory = bpy.context.scene.imprint_sets["Memory"].own
+    for side in (SIDE, 16):
+        memory.width = memory.height = side
+        press("Memory")
+        wait()
+    bpy.ops.ed.undo_push(message="baked")
+    press("Memory")
+    bpy.ops.ed.undo()
+    assert sizes("rope") == {(16, 16)}
+    wait()
+    assert states()["Memory"] == (Stage.DONE, "")
+
+
+def test_an_image_that_got_other_parts_since_the_copy_was_saved_keeps_them(file, tmp_path):
+    opened(file, tmp_path / "there")
+    new_set(bpy.data.objects["lock_low"], name="Other")
+    bpy.context.scene.imprint_sets["Packed"].parts.remove(1)
+    for number, name in enumerate(("lid_low", "lock_low")):
+        for corner in bpy.data.objects[name].data.uv_layers.active.data:
+            corner.uv.x = 0.5 * (corner.uv.x + number)
+    sets_of = bpy.context.scene.imprint_sets
+    for name, is_on in (("Packed", True), ("Other", False)):
+        one = sets_of[name]
+        one.own.image, one.own.storage, one.is_on = "both", "PACK", is_on
+    press("Packed")
+    sets_of["Packed"].is_on = False
+    press("Other")
+    wait()
+    why = "The image 'both' was baked for 'lid_low' meanwhile, and stays: add the set again."
+    assert states() == {"Packed": (Stage.DONE, ""), "Other": (Stage.FAILED, why)}
+    press("Other")
+    wait()
+    assert states()["Other"] == (Stage.DONE, "")
+    assert changed()["lid_low"] == changed()["lock_low"] == []
