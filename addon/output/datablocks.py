@@ -123,7 +123,8 @@ def show_packed(name: str, path: str, *, color_space: str = "") -> bpy.types.Ima
     """The image `name`, made if missing, packed, with the content of the file at `path`, as `fill` has packed it."""
     image = get(name) or bpy.data.images.new(name, 1, 1, alpha=True, is_data=True)
     _forget_pixels(image)
-    image.source = "FILE"
+    for source in ("GENERATED", "FILE"):  # a change of the source frees what is loaded, which would be shown, or packed
+        image.source = source
     image.filepath_raw = path  # setting filepath would load the file
     image.pack()
     image.filepath_raw = image.packed_files[0].filepath = ""

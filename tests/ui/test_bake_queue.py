@@ -17,6 +17,7 @@ from addon.core.progress import finish
 from addon.jobs import part_state
 from addon.ui import bake_queue, object_pairs, sets
 from addon.ui.bake_queue import Stage, queue
+from tests.support import maps
 from tests.support.panel import use
 from tests.support.snapshot import difference, snapshot
 from tests.ui.test_sets import new_set
@@ -151,6 +152,33 @@ def test_the_queue_bakes_what_the_window_bakes(file, tmp_path):
     assert changed() == dict.fromkeys(("crate_low", "lid_low", "lock_low", "rope_low"), [])
     fleeting = "generated_width", "generated_height", "use_generated_float"
     assert difference(without(before, *fleeting), without(after, *fleeting)) == {}
+
+
+@pytest.mark.parametrize(("is_painted", "depth"), [(False, "8"), (True, "8"), (False, "32")])
+def test_a_second_result_is_shown_where_the_first_one_was_looked_at(file, is_painted, depth):
+    """In images that are packed and in memory, of one part and of two."""
+    use(depth=depth)
+    add()
+    wait()
+    images = [image for image in bpy.data.images if image.source == "FILE" and image.packed_files]
+    assert len(images) >= 4
+    shown = {image.name: maps.pixels(image) for image in images}
+    if is_painted:
+        for image in images:
+            image.pixels[0] = 0.3
+            image.update()
+            assert image.is_dirty
+    for name in ("lid", "lock", "rope"):
+        bpy.data.objects[f"{name}_high"].data.vertices[0].co *= 1.4
+    add()
+    wait()
+    assert {state for state, _ in states().values()} == {Stage.DONE}
+    again = {image.name: maps.pixels(image) for image in images}
+    assert not [name for name in shown if np.array_equal(shown[name], again[name])]
+    assert changed() == dict.fromkeys(("crate_low", "lid_low", "lock_low", "rope_low"), [])
+    assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
+    for image in images:
+        np.testing.assert_allclose(maps.pixels(image), again[image.name], atol=1.1 / 255)
 
 
 def tokens():
