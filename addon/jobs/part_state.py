@@ -91,7 +91,7 @@ def look(
     except BakeError as error:
         state = State({f"{PROBLEM}:": str(error)})
     yield Progress(f"Looking at {name}", 1.0)
-    return state.with_images(map_contents.look(job.low_ref.find(), then.of_kind(IMAGE)) if then is not None else {})
+    return state.with_images(map_contents.look(job.low_ref.find(), then.images) if then is not None else {})
 
 
 def _read(context: bpy.types.Context, requests: Sequence[Request], known: dict[int, Other | None]) -> State:
@@ -120,12 +120,23 @@ def _as_shown(context: bpy.types.Context, request: Request) -> Request:
 
 
 def changes(then: State, now: State) -> list[str]:
-    """What differs between two states, in clauses, the worst first; none if a bake would make the same maps."""
+    """What differs between two states, in clauses, the worst first; none if a bake would make the same maps.
+
+    Of several that `then` has, the one counts whose settings are most like those of `now`: it is of the same set.
+    """
     if not then.pieces:  # an earlier version did not note it
         return ["Imprint itself"]
     problem = now.of_kind(PROBLEM)
     if problem:
         return list(problem.values())
+
+    def unlike(state: State) -> int:
+        return len(_differing(state, now, SETTING) + _differing(state, now, TARGET))
+
+    return _changes(min((then, *then.earlier), key=unlike), now)
+
+
+def _changes(then: State, now: State) -> list[str]:
     clauses = list(_of_maps(then, now))
     shapes = dict.fromkeys([*_differing(then, now, MESH), *_differing(then, now, UVS)])
     clauses += [f"the mesh of {name!r}" for name in shapes]
@@ -200,9 +211,13 @@ def status(then: State | None, now: State | None) -> Status:
 
 
 def keep(low: bpy.types.Object, states: Sequence[State]) -> None:
-    """Keep the states of a bake of a low object, one for each texture set, with its pair."""
+    """Keep the states of a bake of a low object, one for each texture set, with its pair.
+
+    Those of bakes into other images stay beside it: a low object can be a part of several sets.
+    """
     if low.is_editable and hasattr(low, "imprint"):
-        low.imprint.state = states[0].joined(states[1:]).to_json() if states else ""
+        before = State.of_json(low.imprint.state)
+        low.imprint.state = states[0].joined(states[1:]).after(before).to_json() if states else ""
 
 
 def kept(low: bpy.types.Object) -> State | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core import versions
 from ..core.contents import short
-from ..core.declarations.choices import Method, Pack, Space, Storage
+from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
 from ..core.map_types import BY_NAME, Family, Kind, Range
 from ..core.material_feeds import ExactFeed, HighMaterial, ImageFeed
 from ..core.settings import Settings
@@ -37,24 +37,53 @@ class State:
     """What a bake reads, in pieces: hashes by names such as "mesh:high", in the order in which it reads them."""
 
     pieces: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    earlier: tuple["State", ...] = ()
+    """Of a low object that several sets bake: the states of its maps in other images."""
 
     def of_kind(self, kind: str) -> dict[str, str]:
         """The pieces of a kind, by the rest of their names."""
         start = f"{kind}:"
         return {name.removeprefix(start): key for name, key in self.pieces.items() if name.startswith(start)}
 
+    @property
+    def images(self) -> dict[str, str]:
+        """What tells its maps from others, also those of earlier states, by the names of images."""
+        return {name: key for state in (*self.earlier, self) for name, key in state.of_kind(IMAGE).items()}
+
+    def after(self, before: "State | None") -> "State":
+        """This state, with those before it whose maps are in other places, which are still there."""
+        states = [before, *before.earlier] if before is not None else []
+        filled = self._filled()
+        apart = [
+            State(each.pieces) for each in states if filled and each._filled() and filled.isdisjoint(each._filled())
+        ]
+        return State(self.pieces, tuple(apart[: MOST - 1]))
+
+    def _filled(self) -> set[str]:
+        """Where the maps are: the names of images, what tells them from others, and the attribute of points."""
+        images = self.of_kind(IMAGE)
+        no_attribute = {None, short(VertexDomain.NONE)}
+        attribute = (
+            {f"{SETTING}:vertex_domain"} if self.pieces.get(f"{SETTING}:vertex_domain") not in no_attribute else {}
+        )
+        return {*images, *images.values(), *attribute}
+
     def to_json(self) -> str:
         """This state in text, as files keep it."""
-        return json.dumps(dict(self.pieces), separators=(",", ":"))
+        states = [dict(each.pieces) for each in (self, *self.earlier)]
+        return json.dumps(states if self.earlier else states[0], separators=(",", ":"))
 
     @classmethod
     def of_json(cls, text: str) -> "State | None":
         """The state in a text; None if there is none."""
         try:
-            pieces = json.loads(text) if text else None
+            found = json.loads(text) if text else None
         except ValueError:
             return None
-        return cls(pieces) if isinstance(pieces, dict) else None
+        states = found if isinstance(found, list) else [found]
+        if not states or not all(isinstance(pieces, dict) for pieces in states):
+            return None
+        return cls(states[0], tuple(map(cls, states[1:])))
 
     def with_images(self, maps: Mapping[str, str]) -> "State":
         """This state with the images of its maps, as map_contents.note returns them."""
@@ -68,6 +97,8 @@ class State:
         return State(pieces)
 
 
+MOST = 8
+"""The states that a low object keeps."""
 SUMS = 4
 """The weighted sums that are kept of UVs which a modifier makes."""
 _CHUNK = 1 << 16

@@ -551,11 +551,12 @@ def _again(context: bpy.types.Context, low: bpy.types.Object) -> Asked:
     reports = pair.reports() if pair is not None else []
     if not reports:
         return Asked(Job(low, object_checks.itself(low)), Settings())
-    settings = Settings.of_json(reports[0].settings)
+    last = reports[-1]  # of the last set, whose state is the newest
+    settings = Settings.of_json(last.settings)
     if settings.map.texture_sets:  # names are filled in, each with its own
         settings = settings.stored(image="", output=LOW + MATERIAL + os.path.splitext(settings.storing.output)[1])
     try:
-        job = PastBake.of(reports[0]).job.but(texture_set=None)
+        job = PastBake.of(last).job.but(texture_set=None)
     except BakeError as error:
         return Asked(Job(low, pair.found()), settings, why=str(error))
     if settings.tracing.occluders == Occluders.OWN:

@@ -328,7 +328,19 @@ def keep_reports(low: bpy.types.Object, reports: Sequence[Report], now: str = ""
     """Keep reports as the last result of a low object. now: the time, which all have that were baked together."""
     low.imprint.result = json.dumps([report.to_dict() for report in reports])
     low.imprint.baked = now or datetime.now(UTC).isoformat(timespec="microseconds")
-    part_state.keep(low, [report.state for report in reports if report.state is not None])
+    for own in _by_set(reports):
+        part_state.keep(low, [report.state for report in own if report.state is not None])
+
+
+def _by_set(reports: Sequence[Report]) -> list[list[Report]]:
+    """The reports of a low object by the sets that bake it, of which each has a texture set once, or none."""
+    sets: list[list[Report]] = []
+    for report in reports:
+        textures = [each.slots for each in sets[-1]] if sets else []
+        if not sets or not report.slots or report.slots in textures or [] in textures:
+            sets.append([])
+        sets[-1].append(report)
+    return sets
 
 
 @journal.recorded

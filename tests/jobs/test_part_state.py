@@ -55,6 +55,31 @@ def test_says_what_changed_in_words():
     assert found(job, settings) == ["the image 'brick_low_normal' is gone"]
 
 
+def test_states_of_maps_in_other_places_stay():
+    def of(image, size, attribute="NONE"):
+        settings = {"setting:width": size, "setting:vertex_domain": state_pieces.short(attribute)}
+        return State(settings).with_images({image: f"map of {image}"})
+
+    near, far = of("near", "32"), of("far", "16")
+    both = State.of_json(far.after(near).to_json())
+    assert both.images == {"near": "map of near", "far": "map of far"}
+    for now in (near, far):
+        assert part_state.changes(both, State(now.pieces).with_images(both.images)) == []
+    smaller = of("near", "8").after(both)
+    assert [each.pieces for each in smaller.earlier] == [far.pieces]
+    assert not of("near", "32").with_images({"far": "another"}).after(both).earlier
+    renamed = State({}).with_images({"renamed": "map of near"}).after(both)
+    assert [each.pieces for each in renamed.earlier] == [far.pieces]
+    points = of("far", "16", "POINT")
+    assert points.after(near).earlier and not points.after(of("near", "32", "CORNER")).earlier
+    assert not State({}).after(near).earlier and not near.after(State({"mesh:a": "1"})).earlier
+    many = near
+    for number in range(20):
+        many = of(str(number), "1").after(many)
+    assert len(many.earlier) == state_pieces.MOST - 1
+    assert State.of_json("[]") is None and State.of_json("[1]") is None and State.of_json("1") is None
+
+
 def test_renamed_is_not_changed():
     job, settings = pair(), Settings(**SAME)
     bake(job, settings)

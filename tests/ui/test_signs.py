@@ -460,6 +460,52 @@ def test_a_painted_displacement(props):
     assert not object_checks.may_differ_in_renders(bpy.data.objects["door_high"], bpy.context.scene)
 
 
+@pytest.fixture
+def second(props):
+    """A set of the door alone, which is a part of the first set too, with images of its own."""
+    second = bpy.context.scene.imprint_sets.add()
+    second.name, second.source = "Far", "PARTS"
+    second.parts.add().object = bpy.data.objects["door_low"]
+    second.own.image, second.own.width, second.own.height = "{low}_far", 16, 16
+    return second
+
+
+def of_both(second):
+    """The statuses of the door in both sets."""
+    found = []
+    for number in range(2):
+        bpy.context.scene.imprint.active_set = number
+        settle()
+        found += [signs.of(bpy.context, bpy.data.objects["door_low"]).status]
+    return found
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_part_of_two_sets(props, second, at_once):
+    door = bpy.data.objects["door_low"]
+    for number in range(2):
+        bpy.context.scene.imprint.active_set = number
+        assert at_once or bpy.ops.imprint.bake_sets(name=("Cart", "Far")[number]) == {"FINISHED"}
+    if at_once:
+        bake()
+    assert of_both(second) == [Status.TRUE, Status.TRUE]
+    before = door.imprint.baked
+    bake(changed=True)
+    assert door.imprint.baked == before
+    assert signs.of_past(bpy.context, door).status in {Status.TRUE, Status.UNKNOWN}
+    settle()
+    assert signs.of_past(bpy.context, door).status == Status.TRUE
+    grow("door")
+    assert of_both(second) == [Status.CHANGED, Status.CHANGED]
+    bake(name="Far")
+    assert of_both(second) == [Status.CHANGED, Status.TRUE]
+    bake(changed=True)
+    assert of_both(second) == [Status.TRUE, Status.TRUE]
+    bpy.data.images.remove(bpy.data.images["door_low_far"])
+    assert of_both(second) == [Status.TRUE, Status.CHANGED]
+    assert "is gone" in signs.of(bpy.context, door).text
+
+
 def test_occluders_are_parts_of_each_other(props):
     use(maps={"AO"}, occluders="ALL", rays=16)
     baked()
