@@ -170,6 +170,10 @@ class FileHistory:
         self._forget_unused()
         return bool(changes)
 
+    def is_before(self, names: Collection[str]) -> bool:
+        """Whether the last step of these names is undone."""
+        return any(step.name in names for step in self._steps[self._done :])
+
     def go_to(self, names: Collection[str]) -> Moved:
         """Bring all files to where they were after the last step of these names, or before the first one."""
         self._goal = max((number for number, step in enumerate(self._steps, 1) if step.name in names), default=0)

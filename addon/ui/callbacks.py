@@ -18,7 +18,15 @@ class Events:
     a low object, whose session_uid it passes, has another last result.
     """
 
-    OF_BLENDER = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_post")
+    OF_BLENDER = (
+        "depsgraph_update_post",
+        "frame_change_post",
+        "undo_post",
+        "redo_post",
+        "save_pre",
+        "save_post",
+        "load_post",
+    )
 
     def __init__(self):
         self._heard: dict[str, list[Callable[..., object]]] = {"end": [], "free": [], "live": [], "baked": []}

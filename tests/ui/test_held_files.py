@@ -267,6 +267,48 @@ def test_nothing_is_kept_for_another_file(folder, way):
     assert contents(folder) == files
 
 
+@pytest.mark.parametrize("is_saved", ["at the bake", "as a copy", "before", "after Undo"])
+def test_files_that_the_saved_file_names_are_there_when_it_is_closed(folder, is_saved):
+    path = str(folder / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    tilt(1.0)
+    before = (folder / "lo.png").read_bytes()
+    tilt(0.5)
+    after = (folder / "lo.png").read_bytes()
+    assert after != before
+    if is_saved == "at the bake":
+        bpy.ops.wm.save_mainfile()
+    elif is_saved == "as a copy":
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "b.blend"), copy=True)
+    bpy.ops.ed.undo()
+    if is_saved == "after Undo":
+        bpy.ops.wm.save_mainfile()
+    assert (folder / "lo.png").read_bytes() == before
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert (folder / "lo.png").read_bytes() == (after if is_saved == "at the bake" else before)
+    assert kept() == []
+
+
+def test_a_first_bake_that_was_saved_and_undone_is_there_when_the_file_is_closed(folder):
+    tilt(1.0)
+    before = contents(folder)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
+    bpy.ops.ed.undo()
+    assert "lo.png" not in contents(folder)
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
+    assert contents(folder)["lo.png"] == before["lo.png"]
+    assert bpy.data.images["lo_normal"].pixels[0] > 0.0
+
+
+def test_what_another_program_wrote_since_stays_when_the_file_is_closed(folder):
+    tilt(1.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
+    bpy.ops.ed.undo()
+    (folder / "lo.png").write_bytes(b"of another program")
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
+    assert (folder / "lo.png").read_bytes() == b"of another program"
+
+
 def test_bakes_in_the_background_keep_nothing(folder):
     held_files.is_on = False
     tilt(1.0)

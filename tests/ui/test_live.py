@@ -23,7 +23,16 @@ from tests.support.panel import instance_of, select, shelve, use
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 
-HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
+HANDLERS = (
+    "depsgraph_update_post",
+    "frame_change_post",
+    "undo_post",
+    "redo_post",
+    "save_pre",
+    "save_post",
+    "load_pre",
+    "load_post",
+)
 
 
 @pytest.fixture

@@ -27,7 +27,16 @@ from addon.ui.view_shading import Mode  # noqa: E402
 from addon.ui.views import viewer  # noqa: E402
 from tests.support import window  # noqa: E402
 
-HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
+HANDLERS = (
+    "depsgraph_update_post",
+    "frame_change_post",
+    "undo_post",
+    "redo_post",
+    "save_pre",
+    "save_post",
+    "load_pre",
+    "load_post",
+)
 PATIENCE = 20.0
 """Seconds to wait."""
 
