@@ -46,7 +46,10 @@ class Baked:
     def stored_as(self, stored: Stored, notes: Sequence[str], margin: float | None = None) -> "Baked":
         """This bake after its maps were stored. margin: of the stored map, if it differs from the drawn one."""
         findings = self.findings if margin is None else replace(self.findings, margin=margin)
-        state = self.state and self.state.with_images(map_contents.note(stored.images))
+        state = self.state
+        if state:
+            noted = map_contents.note(stored.images, self.meshes.low.name, self.request.job.material)
+            state = state.with_images(noted)
         return replace(self, findings=findings, state=state, stored=stored, notes=notes)
 
     @property

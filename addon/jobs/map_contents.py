@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether the images of maps still show what Imprint has written, also if other low objects of one image were baked since.
 
-Images note that themselves, so that it goes with them into other files.
+Images note that themselves, so that it goes with them into other files: which bake of each low object they show.
 """
 
+import json
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from enum import StrEnum
+from typing import NamedTuple
 
 import bpy
 
-from ..output import datablocks, journal
+from ..output import datablocks, journal, shared_maps
 from ..scene import content_keys
 
 MAP, CONTENT = "imprint_map", "imprint_content"
-"""Custom properties of images of maps: what tells the map from others, whatever the image is called, and what Imprint has
+"""Custom properties of images of maps: what tells the last bakes of the low objects in it from others, and what Imprint has
 written last."""
 
 IN_MEMORY = "in memory"
@@ -27,27 +29,85 @@ class Written(StrEnum):
     GONE = "gone"
     NO_FILE = "no file"
     EDITED = "edited"
+    OTHER = "other"
 
 
-def note(images: Iterable[bpy.types.Image]) -> dict[str, str]:
-    """Note what images show, as Imprint has just written it. Returns what tells their maps from others, by name.
+class _Shown(NamedTuple):
+    """A bake that an image shows.
+
+    Attributes:
+        name: Of the low object.
+        material: Of the texture set; empty without one.
+        layout: As in shared_maps.Part: by it, a low object is known that was renamed.
+        key: Tells the bake from all others.
+    """
+
+    name: str
+    material: str
+    layout: int
+    key: str
+
+
+def note(images: Iterable[bpy.types.Image], low: str, material: str = "") -> dict[str, str]:
+    """Note what images show, as Imprint has just written it. Returns what tells this bake from others, by the images' names.
 
     Nothing is noted in a shell, whose low objects keep no state, and whose records have the files.
+
+    Args:
+        low: The name of the low object that was baked, as shared_maps has it.
+        material: As in shared_maps.Part.
     """
     if not hasattr(bpy.types.Object, "imprint"):
         return {}
-    maps, images = {}, list(images)
+    key, images = uuid.uuid4().hex[:12], list(images)
     for image in images:
         image[CONTENT] = _content(image)
-        if not image.get(MAP):
-            image[MAP] = uuid.uuid4().hex[:12]
-        maps[image.name] = image[MAP]
+        image[MAP] = json.dumps(list(_with(image, low, material, key)), separators=(",", ":"))
     noting = journal.now()
     if noting is not None:
         packed = {image.name: image[CONTENT] for image in images if image.packed_files}
         hashes = {path: content_keys.files.of(temporary).sha256 for path, temporary in noting.files.items()}
-        noting.note(note_as, maps, packed, hashes)
-    return maps
+        noting.note(note_as, {image.name: image[MAP] for image in images}, packed, hashes)
+    return {image.name: key for image in images}
+
+
+def _with(image: bpy.types.Image, low: str, material: str, key: str) -> Iterator[_Shown]:
+    """The bakes that an image shows after one more: those of others whose texels are still there, also if they were renamed."""
+    others = {(part.name, part.material): part.layout for part in shared_maps.parts_of_image(image.name)}
+    own = _Shown(low, material, others.pop((low, material), 0), key)
+    layouts = set(others.values())
+    for shown in _shown_by(image):
+        is_renamed = shown.layout in layouts and shown[:3] != own[:3]
+        if is_renamed or (shown.name, shown.material) in others:
+            yield shown
+    yield own
+
+
+def _shown_by(image: bpy.types.Image) -> list[_Shown]:
+    return [_Shown(*item) for item in json.loads(image.get(MAP, "[]"))]
+
+
+def baked_as(low: bpy.types.Object, maps: Mapping[str, str]) -> str:
+    """The name that a low object had at the bake whose keys `note` has returned; empty if no image knows."""
+    images = ((_image(low, name, key), key) for name, key in maps.items())
+    shown = (each for image, key in images if _has(image, key) for each in _shown_by(image) if each.key == key)
+    return next((each.name for each in shown), "")
+
+
+def are_shown(low: bpy.types.Object, maps: Mapping[str, str]) -> tuple[bool, ...]:
+    """Whether each image still has the texels of the bake whose keys `note` has returned, whatever was done to it since."""
+    return tuple(_has(_image(low, name, key), key) for name, key in maps.items())
+
+
+def names(low: bpy.types.Object, maps: Mapping[str, str]) -> set[str]:
+    """The names that images have now which still show the bake whose keys `note` has returned."""
+    images = ((_image(low, name, key), key) for name, key in maps.items())
+    return {image.name for image, key in images if _has(image, key)}
+
+
+def _has(image: bpy.types.Image | None, key: str) -> bool:
+    """Whether an image shows a bake."""
+    return image is not None and key in image.get(MAP, "")  # not read: there may be hundreds
 
 
 @journal.replayed
@@ -55,16 +115,16 @@ def note_as(maps: Mapping[str, str], packed: Mapping[str, str], hashes: Mapping[
     """Note the same as another process has, where it is known without reading files.
 
     Args:
-        maps: As `note` has returned them there.
+        maps: What is noted of bakes, by the images' names.
         packed: What packed images show.
         hashes: The SHA-256 of files, by their paths.
     """
     for path, sha256 in hashes.items():
         with suppress(OSError):
             content_keys.files.learn(path, sha256)
-    for name, key in maps.items():
+    for name, shown in maps.items():
         image = datablocks.get(name)
-        image[MAP], image[CONTENT] = key, packed.get(name) or _content(image)
+        image[MAP], image[CONTENT] = shown, packed.get(name) or _content(image)
 
 
 def look(low: bpy.types.Object | None, maps: Mapping[str, str]) -> dict[str, str]:
@@ -76,12 +136,12 @@ def _image(low: bpy.types.Object | None, name: str, key: str) -> bpy.types.Image
     """The image of a map, also if it was renamed, or came from another file."""
     own = [item.image for item in low.imprint.maps] if low is not None and hasattr(low, "imprint") else []
     images = [image for image in (datablocks.get(name), *own) if image is not None]
-    return next((image for image in images if image.get(MAP) == key), next(iter(images[:1]), None))
+    return next((image for image in images if _has(image, key)), next(iter(images[:1]), None))
 
 
 def _written(image: bpy.types.Image | None, key: str) -> str:
-    if image is None or image.get(MAP) != key:
-        return Written.GONE
+    if not _has(image, key):
+        return Written.OTHER if image is not None and image.get(MAP) else Written.GONE
     now = _content(image)
     if content_keys.GONE in now:
         return Written.NO_FILE
@@ -93,7 +153,8 @@ def pack_unpacked() -> None:
     kept = [image for image in bpy.data.images if datablocks.is_unpacked(image) and image.get(CONTENT)]
     kept = [image for image in kept if image[CONTENT] == _content(image)]
     datablocks.pack_unpacked()
-    note(kept)
+    for image in kept:
+        image[CONTENT] = _content(image)
 
 
 def _content(image: bpy.types.Image) -> str:

@@ -5,7 +5,7 @@ A bake computes its state from the arrays that it draws (state_pieces), the low 
 that of now in the same way. The images of the maps are pieces as well: they are there, and nobody else has written them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from enum import StrEnum
 
@@ -17,6 +17,7 @@ from ..core.errors import BakeError
 from ..core.naming import ATLAS
 from ..core.progress import Progress, Task
 from ..core.settings import Settings
+from ..output import map_names
 from ..scene import object_checks
 from . import bake_jobs, map_contents
 from .job import Job, Request, read_meshes
@@ -119,6 +120,35 @@ def _as_shown(context: bpy.types.Context, request: Request) -> Request:
     return replace(request, settings=request.settings.mapped(modifiers=Modifiers.VIEWPORT))
 
 
+def displaced(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, baked: Collection[int]) -> set[int]:
+    """Which low objects, by session_uid, have to be baked with others, as their maps are in images that these bakes fill: those
+    of objects that had their names before.
+
+    Args:
+        jobs: All of them, of which each fills images of its own.
+        baked: The session_uids of the low objects that are baked.
+    """
+    shown, new, found = {}, [job for job in jobs if job.low_ref.uid in baked], set()
+    for job in jobs:
+        state = kept(job.low) if job.low_ref.uid not in baked else None
+        shown |= {job: map_contents.names(job.low, state.of_kind(IMAGE))} if state is not None else {}
+    while new:
+        filled = {name for job in new for name in _filled(context, job, settings)}
+        new = [job for job, names in shown.items() if names & filled and job.low_ref.uid not in found]
+        found |= {job.low_ref.uid for job in new}
+    return found
+
+
+def _filled(context: bpy.types.Context, job: Job, settings: Settings) -> set[str]:
+    """The names of the images that a bake of a job fills; none if it cannot be baked."""
+    try:
+        requests = bake_jobs.requests_of(context, job, settings)
+    except BakeError:
+        return set()
+    by_map = [map_names.settings_by_map(each.settings).values() for each in requests]
+    return {of_map.storing.image for maps in by_map for of_map in maps}
+
+
 def changes(then: State, now: State) -> list[str]:
     """What differs between two states, in clauses, the worst first; none if a bake would make the same maps.
 
@@ -174,6 +204,8 @@ def _of_maps(then: State, now: State) -> Iterator[str]:
                 yield f"the file of {name!r} is gone"
             case Written.EDITED:
                 yield f"the image {name!r} was edited"
+            case Written.OTHER:
+                yield f"the image {name!r} is of another bake"
 
 
 def _differing(then: State, now: State, kind: str) -> list[str]:
@@ -221,7 +253,39 @@ def keep(low: bpy.types.Object, states: Sequence[State]) -> None:
 
 
 def kept(low: bpy.types.Object) -> State | None:
-    """The state of the last bake of a low object, empty if it is not known; None if it was never baked."""
-    if not hasattr(low, "imprint") or not low.is_property_set("imprint") or not low.imprint.result:
+    """The state of the last bake of a low object, empty if it is not known; None if it was never baked, or copied since from
+    one that was."""
+    if not _was_baked(low):
         return None
-    return State.of_json(low.imprint.state) or State()
+    state = State.of_json(low.imprint.state) or State()
+    return None if _original(low, state) is not None else state
+
+
+def original(low: bpy.types.Object) -> bpy.types.Object | None:
+    """The object whose maps a low object shows because it is a copy of it, which was not baked itself; None for others."""
+    return _original(low, State.of_json(low.imprint.state) or State()) if _was_baked(low) else None
+
+
+def _original(low: bpy.types.Object, state: State) -> bpy.types.Object | None:
+    """As `original`. state: of the low object. Copies have the state of one bake, and its images.
+
+    The original has the name that it had at that bake, or else is the first of them: it was only renamed if it is the only one.
+    """
+    name = map_contents.baked_as(low, state.of_kind(IMAGE))
+    if name in {"", low.name}:
+        return None
+    images = {item.image for item in low.imprint.maps} - {None}
+    same = [
+        obj
+        for obj in bpy.data.objects
+        if _was_baked(obj)
+        and obj.imprint.state == low.imprint.state
+        and not object_checks.is_deleted(obj)
+        and any(item.image in images for item in obj.imprint.maps)
+    ]
+    first = min(same, key=lambda obj: (obj.name != name, obj.session_uid), default=low)
+    return None if first == low else first
+
+
+def _was_baked(obj: bpy.types.Object) -> bool:
+    return hasattr(obj, "imprint") and obj.is_property_set("imprint") and bool(obj.imprint.result)

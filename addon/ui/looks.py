@@ -19,10 +19,10 @@ from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.naming import LOW, MATERIAL
 from ..core.settings import Settings
-from ..jobs import part_state
+from ..jobs import map_contents, part_state
 from ..jobs.job import Job, PastBake
 from ..jobs.part_state import State, Status
-from ..jobs.state_pieces import PROBLEM, SETTING, TARGET
+from ..jobs.state_pieces import IMAGE, PROBLEM, SETTING, TARGET
 from ..scene import dependencies, evaluation, object_checks, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, sets
@@ -93,7 +93,7 @@ class Seen:
     """Its low object."""
     status: Status = Status.UNKNOWN
     changes: tuple[str, ...] = ()
-    """What is not as it was in the bake, in clauses."""
+    """What is not as it was in the bake, in clauses; for a copy that was not baked itself, what it is a copy of."""
     problem: str = ""
     """Why the part cannot be baked, in a sentence."""
     key: tuple = ()
@@ -104,6 +104,8 @@ class Seen:
     """The names of the images among them."""
     files: tuple[str, ...] = ()
     """The paths of the files that those datablocks name."""
+    maps: dict[str, str] = field(default_factory=dict)
+    """What tells the maps of its last bake from others, as map_contents.note has returned it."""
     seconds: float = 0.0
     """How long it took."""
     stamp: tuple = ()
@@ -244,6 +246,8 @@ class Looks:
             if part.low == low:
                 self._seen[part].status, self._seen[part].changes = Status.UNKNOWN, ()
         self.mark(low)
+        if not self._hurries:  # it may have replaced maps of others
+            self._unwatched, self._hurries = self._round(bpy.context.scene.session_uid), True
 
     def mark_all(self, *_) -> None:
         """Let nothing be known any more: after Undo."""
@@ -368,6 +372,7 @@ class Looks:
         start = time.perf_counter()
         with self._unmarked(context):
             then = part_state.kept(low)
+            seen.maps = then.of_kind(IMAGE) if then is not None else {}
             self._note_reads(part, seen, asked)
             seen.ref, seen.key, seen.stamp = asked.job.low_ref, asked.key, _stamp(asked, seen)
             with self._uses.shared():
@@ -375,7 +380,7 @@ class Looks:
             if then is not None and not part.of_set:
                 now = _with_settings(now, then)
             seen.problem = next(iter(now.of_kind(PROBLEM).values()), "")
-            seen.changes = tuple(part_state.changes(then, now)) if then is not None else ()
+            seen.changes = tuple(part_state.changes(then, now)) if then is not None else _copied(low)
             seen.status = Status.NEVER if then is None else Status.CHANGED if seen.changes else Status.TRUE
         seen.seconds = time.perf_counter() - start
         return seen.status
@@ -480,6 +485,12 @@ class Looks:
         seen.reads = reads
 
 
+def _copied(low: bpy.types.Object) -> tuple[str, ...]:
+    """What an object that was never baked is a copy of, in quotes; empty if it is none."""
+    original = part_state.original(low)
+    return (repr(original.name),) if original is not None else ()
+
+
 def is_busy(context: bpy.types.Context) -> bool:
     """Whether something runs that looks would disturb, or slow down."""
     is_playing = context.screen is not None and context.screen.is_animation_playing
@@ -534,7 +545,7 @@ def _stamp(asked: Asked, seen: Seen) -> tuple:
         for modifier in obj.modifiers
     )
     dirty = tuple((image := bpy.data.images.get(name)) is not None and image.is_dirty for name in seen.images)
-    return levels, dirty, tuple(map(_stamp_of, seen.files))
+    return levels, dirty, tuple(map(_stamp_of, seen.files)), map_contents.are_shown(asked.job.low, seen.maps)
 
 
 def _stamp_of(path: str) -> tuple:

@@ -17,6 +17,7 @@ import bpy
 
 from ..core.errors import BakeError, in_window, shorten_list
 from ..core.progress import Progress, Task
+from ..jobs import part_state
 from ..jobs.part_state import Status
 from ..jobs.sets import SetJob
 from . import object_pairs, sets
@@ -85,6 +86,8 @@ def _failure(low: bpy.types.Object) -> str:
 def _text(status: Status, changes: Sequence[str] = ()) -> str:
     if status == Status.CHANGED:
         return message("Changed since the bake: {}").format(shorten_list(changes, MOST_CHANGES))
+    if status == Status.NEVER and changes:
+        return message("Never baked: a copy of {}").format(changes[0])
     return {
         Status.TRUE: message("The maps show the scene as it is"),
         Status.NEVER: message("Never baked"),
@@ -143,7 +146,7 @@ def waiting(context: bpy.types.Context) -> str:
 
 def untrue(context: bpy.types.Context, set_job: SetJob) -> Task[set[int]]:
     """Look at all parts of a set that are on, in steps. Returns the session_uids of the low objects whose maps are not those of
-    the scene as it is."""
+    the scene as it is, or would be lost by these bakes."""
     wanted, found = set_job.wanted(), set()
     shared_name = set_job.name if set_job.share_image else ""
     looks.begin()
@@ -154,4 +157,6 @@ def untrue(context: bpy.types.Context, set_job: SetJob) -> Task[set[int]]:
         status = looks.look(context, part, Asked(job, set_job.settings, set_job.jobs, shared_name, shading_all))
         if status != Status.TRUE or _failure(job.low):
             found.add(job.low_ref.uid)
+    if not set_job.share_image:
+        found |= part_state.displaced(context, wanted, set_job.settings, found)
     return found

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.jobs import part_state
 from addon.jobs.part_state import Status
 from addon.scene import object_checks
 from addon.ui import bake_panel, object_pairs, results_panel, sets, signs
@@ -759,3 +760,144 @@ def test_an_image_of_a_new_name_has_all_parts(props, tmp_path, monkeypatch, is_t
 
 def texels_of_all(folder):
     return {(path, part): texels for part in NAMES for path, texels in texels_of_part(part, folder).items()}
+
+
+def duplicated(*, linked):
+    low, high = (bpy.data.objects[f"door_{kind}"] for kind in ("low", "high"))
+    select(low, high)
+    assert bpy.ops.object.duplicate(linked=linked) == {"FINISHED"}
+    copies = {obj.name.partition("_")[2][:3]: obj for obj in bpy.context.selected_objects}
+    copies["low"].name, copies["hig"].name = "gate_low", "gate_high"
+
+
+def copied_by_script():
+    for kind in ("low", "high"):
+        copy = bpy.data.objects[f"door_{kind}"].copy()
+        copy.name = f"gate_{kind}"
+        bpy.context.scene.collection.objects.link(copy)
+
+
+def copied_after_a_rename():
+    """The original has lost the name that it was baked with, the copy has not got it."""
+    for kind in ("low", "high"):
+        bpy.data.objects[f"door_{kind}"].name = f"entry_{kind}"
+        copy = bpy.data.objects[f"entry_{kind}"].copy()
+        copy.name = f"gate_{kind}"
+        bpy.context.scene.collection.objects.link(copy)
+
+
+@pytest.mark.parametrize(
+    "copy",
+    [
+        lambda: duplicated(linked=False),
+        lambda: duplicated(linked=True),
+        copied_by_script,
+        copied_after_a_rename,
+    ],
+    ids=["duplicate", "linked duplicate", "script", "renamed original"],
+)
+def test_a_copy_of_a_part_was_never_baked(props, copy, tmp_path):
+    use(storage="FILE", output=str(tmp_path / "{low}.png"))
+    baked()
+    copy()
+    settle()
+    name = "entry" if "entry_low" in bpy.data.objects else "door"
+    of_original = Status.CHANGED if name == "entry" else Status.TRUE  # its file would have another name
+    wanted = {"wheel": Status.TRUE, "lamp": Status.TRUE, name: of_original, "gate": Status.NEVER}
+    assert statuses() == wanted
+    assert show()["gate"].text == f"Never baked: a copy of '{name}_low'"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "props.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "props.blend"))
+    settle()
+    assert statuses() == wanted
+    grow(name)
+    bake(changed=True)
+    settle()
+    assert set(statuses().values()) == {Status.TRUE}
+    assert (tmp_path / "gate_low.png").is_file()
+    assert bpy.data.objects["gate_low"].imprint.state != bpy.data.objects[f"{name}_low"].imprint.state
+
+
+def test_a_copy_does_not_follow_the_next_bake_of_its_original(props):
+    baked()
+    copied_by_script()
+    grow("door")
+    bpy.context.scene.imprint_sets[0].source = "PARTS"
+    part = bpy.context.scene.imprint_sets[0].parts.add()
+    part.object = bpy.data.objects["door_low"]
+    bake()
+    bpy.context.scene.imprint_sets[0].source = "NAMES"
+    settle()
+    assert show()["gate"].status == Status.CHANGED
+    assert "the image 'door_low_normal' is of another bake" in show()["gate"].text
+
+
+def test_a_copy_whose_original_is_gone_has_its_maps(props):
+    baked()
+    copied_by_script()
+    for kind in ("low", "high"):
+        bpy.data.objects.remove(bpy.data.objects[f"door_{kind}"])
+    settle()
+    assert {*statuses().items()} == {("wheel", Status.TRUE), ("lamp", Status.TRUE), ("gate", Status.TRUE)}
+
+
+@pytest.mark.parametrize("how", ["LINK_COPY", "FULL_COPY"])
+def test_a_copy_of_the_scene(props, how):
+    """In a linked copy the objects are the same ones, in a full copy they have other names, and get images of their own."""
+    baked()
+    bpy.ops.scene.new(type=how)
+    settle()
+    wanted = Status.TRUE if how == "LINK_COPY" else Status.NEVER
+    assert {*statuses().values()} == {wanted}
+
+
+def test_an_appended_copy_has_maps_of_its_own(props, tmp_path):
+    path = str(tmp_path / "props.blend")
+    baked()
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path) as (_, here):
+        here.objects = ["door_low", "door_high"]
+    for obj, name in zip(here.objects, ("gate_low", "gate_high"), strict=True):
+        obj.name = name
+        bpy.context.scene.collection.objects.link(obj)
+    settle()
+    assert {*statuses().values()} == {Status.TRUE}
+    grow("door")
+    bake(changed=True)
+    settle()
+    assert {*statuses().values()} == {Status.TRUE}
+    grow("gate")
+    settle()
+    assert show()["gate"].status == Status.CHANGED
+
+
+@pytest.mark.parametrize("storage", ["MEMORY", "PACK", "FILE"])
+def test_the_bake_of_a_part_replaces_the_map_of_one_that_had_its_name(props, storage, tmp_path):
+    use(storage=storage, output=str(tmp_path / "{low}.png"))
+    baked()
+    for kind in ("low", "high"):
+        door, lamp = (bpy.data.objects[f"{name}_{kind}"] for name in ("door", "lamp"))
+        door.name = "kept"
+        lamp.name, door.name = f"door_{kind}", f"lamp_{kind}"
+    settle()
+    of_names = Status.CHANGED if storage == "FILE" else Status.TRUE
+    assert statuses() == all_are(of_names) | {"wheel": Status.TRUE}
+    grow("door")
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    before = texels_of_maps()
+    bake()
+    assert all(np.array_equal(before[name], texels) for name, texels in texels_of_maps().items())
+    if storage == "FILE":
+        assert sorted(path.name for path in tmp_path.glob("*_low.png")) == sorted(f"{name}_low.png" for name in NAMES)
+
+
+def texels_of_maps():
+    """The texels of all images of maps that parts show now, by part and image."""
+    texels = {}
+    for name in NAMES:
+        low = bpy.data.objects[f"{name}_low"]
+        maps = part_state.kept(low).of_kind("image")
+        texels |= {(name, image): np.array(bpy.data.images[image].pixels) for image in maps}
+    return texels
