@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from .errors import BakeError, shorten_list
 from .udim import TOKEN
@@ -20,6 +21,9 @@ ATLAS = "atlas"
 
 USUAL = f"{LOW}_normal"
 """How maps are named where nothing else is set."""
+
+COPY_OF = "imprint_copy_of"
+"""The custom property of a copy of a material that a bake has made: the `name` of the copy, and whose copy it is."""
 
 _REFUSED = re.compile(r'[<>:"/\\|?*%\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
 """Characters that some file systems refuse in a name, or remove from its end, and %, which Blender refuses in paths of UDIM."""
@@ -62,6 +66,13 @@ def without_suffix(low_name: str, low_suffix: str = "") -> str:
 def renamed(path: str, name: str) -> str:
     """`path` with another name. Its folder, the number of its tile and its ending stay; an empty path stays empty."""
     return _NAME.sub(lambda _: name, path, count=1)
+
+
+def of_material(material: Any) -> str:
+    """What the textures of a material, a datablock, are named after. Those of a copy that a bake has made, and that was not
+    renamed, stay those of the material that the artist has named."""
+    copy = material.get(COPY_OF)
+    return copy["of"] if copy is not None and copy["name"] == material.name else material.name
 
 
 def of_texture_sets(names: str) -> str:

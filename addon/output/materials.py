@@ -11,7 +11,7 @@ import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from .. import older_blender
-from ..core import foreach
+from ..core import foreach, naming
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MARK, MapType
@@ -206,7 +206,7 @@ def fill_slots(
     """Put one material into the empty slots that faces of `low` use: the one of this name that objects of `together` show, or
     a new one. single_user, is_own_base: as in `hook_up`."""
     shown = [slot.material for obj in together for slot in obj.material_slots if slot.material]
-    known = next((material for material in shown if name in (material.name, material.get(BARE))), None)
+    known = next((material for material in shown if name in (naming.of_material(material), material.get(BARE))), None)
     _fill_slots(low, _shown(low, is_own_base=is_own_base), single_user, name, known)
 
 
@@ -346,6 +346,7 @@ def _copy_for(lows: Sequence[Object], material: Material) -> Material:
     """Replace the material in the slots of objects by a copy, and return the copy."""
     copy = material.copy()
     copy.make_local()  # the copy of a library override is an override too
+    copy[naming.COPY_OF] = {"name": copy.name, "of": naming.of_material(material)}
     for low in lows:
         for slot in low.material_slots:
             if slot.material == material:

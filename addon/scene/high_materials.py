@@ -9,6 +9,7 @@ from functools import partial
 import bpy
 import numpy as np
 
+from ..core import naming
 from ..core.declarations import bases
 from ..core.errors import BakeError
 from ..core.map_types import BASE_COLOR, BY_NAME, MARK
@@ -254,7 +255,7 @@ class MaterialSet:
 
     Attributes:
         slots: The numbers of the slots that have it.
-        name: Of the material.
+        name: Of the material, see naming.of_material.
     """
 
     name: str
@@ -269,7 +270,8 @@ def sets_of(low: bpy.types.Object, *, is_own_base: bool) -> list[MaterialSet]:
     if not is_own_base and low.modifiers and low.mode == "OBJECT":  # modifiers may set materials, and leave faces out
         shown = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
         low = shown if shown.type == "MESH" and shown.data.polygons else low
-    names = [material.name if material else NO_MATERIAL for material in materials_of(low)] or [NO_MATERIAL]
+    worn = materials_of(low) or [None]
+    names = [naming.of_material(material) if material else NO_MATERIAL for material in worn]
     if low.type != "MESH" or not low.data.polygons:  # a check refuses it with a sentence
         return [MaterialSet(names[0], (0,))]
     used = np.unique(mesh_reader.face_values(low.data, "material_index").clip(0, len(names) - 1)).tolist()

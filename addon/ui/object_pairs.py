@@ -26,6 +26,7 @@ from functools import lru_cache
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, PointerProperty, StringProperty
 
+from ..core import naming
 from ..core.declarations.choices import Method
 from ..core.report import VERSION, Report
 from ..core.sentences import WRONG, rated
@@ -274,11 +275,16 @@ def _rated(values: dict) -> dict:
 
 
 def with_own(job: Job) -> Job:
-    """The job with the size and the distance that its low object has, and the sizes of materials: modifiers may set any."""
+    """The job with the size and the distance that its low object has, and the sizes of materials: modifiers may set any.
+
+    A copy that a bake has made has the size of its original, as long as that is in the file.
+    """
     sizes: dict[str, int] = {}
     for material in bpy.data.materials:
-        if material.imprint_size != "0":  # one of a library may have the same name
-            sizes[material.name] = max(int(material.imprint_size), sizes.get(material.name, 0))
+        name = naming.of_material(material)
+        is_own = name == material.name or name not in bpy.data.materials
+        if is_own and material.imprint_size != "0":  # one of a library may have the same name
+            sizes[name] = max(int(material.imprint_size), sizes.get(name, 0))
     return job.but(size=int(job.low.imprint_size), distance=job.low.imprint_distance, sizes=tuple(sizes.items()))
 
 

@@ -7,6 +7,7 @@ Nothing above the Bake button changes its height with what is chosen or baked, s
 import bpy
 from bpy.props import PointerProperty
 
+from ..core import naming
 from ..core.errors import BakeError, shorten_list
 from ..jobs import fixes
 from ..jobs.part_state import Status
@@ -240,7 +241,9 @@ def textures(context: bpy.types.Context, one: ImprintSet) -> list[str]:
         if one.textures == "PART":
             return [low.name for low in lows]
         slots = (slot.material for low in lows for slot in low.material_slots)
-        return list(dict.fromkeys(material.name for material in slots if material is not None)) or [one.name]
+        return list(dict.fromkeys(naming.of_material(material) for material in slots if material is not None)) or [
+            one.name
+        ]
 
     return until_change.get(f"textures of {one.name}", (one.source, one.textures, len(one.parts)), find)
 

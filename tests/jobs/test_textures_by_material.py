@@ -9,7 +9,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs
-from addon.ui import bake_operators, results
+from addon.ui import bake_operators, object_pairs, results
 from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -193,6 +193,19 @@ def test_a_material_that_others_wear(single_user):
     if single_user:
         assert wood not in worn
         assert (len(told), images_of(wood), images_of(worn.pop())) == (1, set(), {"Wood_normal"})
+        copy = jobs[0].low.material_slots[0].material
+        assert {report.image for report in bake(jobs, Settings(**SAME, single_user=True))} == {"Wood_normal"}
+        assert (jobs[0].low.material_slots[0].material, images_of(copy)) == (copy, {"Wood_normal"})
+        wood.imprint_size, copy.imprint_size = "256", "512"
+        assert set(object_pairs.with_own(jobs[0]).sizes) == {("Wood", 256)}
+        another = zoo.plane("another")
+        another.data.materials.append(copy)  # worn outside as well: the copy of a copy
+        bake(jobs, Settings(**SAME, single_user=True))
+        second = jobs[0].low.material_slots[0].material
+        assert second != copy
+        assert {report.image for report in bake(jobs)} == {"Wood_normal"}
+        second.name = "Oak"  # the artist's
+        assert {report.image for report in bake(jobs)} == {"Oak_normal"}
     else:
         assert worn == {wood}
         assert len(told) == 3
