@@ -148,10 +148,14 @@ def _written(image: bpy.types.Image | None, key: str) -> str:
     return key if image.get(CONTENT) == now else Written.EDITED
 
 
+def is_as_written(image: bpy.types.Image) -> bool:
+    """Whether an image, and so its file, still shows what Imprint has written last."""
+    return bool(image.get(CONTENT)) and image[CONTENT] == _content(image)
+
+
 def pack_unpacked() -> None:
     """As datablocks.pack_unpacked, of maps that then still are as Imprint has written them."""
-    kept = [image for image in bpy.data.images if datablocks.is_unpacked(image) and image.get(CONTENT)]
-    kept = [image for image in kept if image[CONTENT] == _content(image)]
+    kept = [image for image in bpy.data.images if datablocks.is_unpacked(image) and is_as_written(image)]
     datablocks.pack_unpacked()
     for image in kept:
         image[CONTENT] = _content(image)

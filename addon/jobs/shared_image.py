@@ -25,6 +25,7 @@ from ..output import datablocks, map_names, shared_maps, value_encoding
 from ..output.shared_maps import Part
 from ..scene import evaluation, object_checks, reading
 from ..scene.high_materials import MaterialSet, restricted, sets_of
+from . import map_contents
 from .job import Job, users_of_image
 
 
@@ -152,7 +153,7 @@ class _Search:
                 kept.append(faces)
                 if not self._is_baked(*faces):
                     yield self._kept(*faces, of_map, part)
-            elif faces is None and part in in_files:
+            elif faces is None and part in in_files and not (is_sure and self._was_deleted(part, of_map)):
                 why = "whose UVs are others in this file" if self._objects(part.name) else "which is not in this file"
                 raise BakeError(
                     f"{_place(of_map)} also has the map of {shared_maps.listed([part])}, {why}, and "
@@ -213,6 +214,16 @@ class _Search:
                     return obj, faces
         is_worn_no_more = is_sure and bool(named) and part.material and edited is None
         return (named[0], MaterialSet(part.material, ())) if is_worn_no_more else None
+
+    def _was_deleted(self, part: Part, of_map: Settings) -> bool:
+        """Whether a part that the image knows is gone from this .blend, which has written the file last: it may be in no other
+        one then. Those of a library that cannot be read are not gone."""
+        image = datablocks.get(of_map.storing.image)
+        is_own = shared_maps.is_at_home(image) and map_contents.is_as_written(image)
+        if not is_own or any(obj.is_missing and obj.name == part.name for obj in bpy.data.objects):
+            return False
+        tiles = udim.files(bpy.path.abspath(map_names.output_for(of_map))) if of_map.sampling.udim else [udim.FIRST]
+        return not any(shared_maps.is_elsewhere(of_map, tile) for tile in tiles)
 
     def _objects(self, name: str) -> list[bpy.types.Object]:
         """The meshes of a name: those of libraries may have the same."""

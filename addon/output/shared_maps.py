@@ -9,6 +9,7 @@ import functools
 import json
 import os
 import tempfile
+import uuid
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
@@ -27,6 +28,9 @@ from .map_names import output_for
 
 RECORD = "imprint_low"
 """The custom property of images with the record of their parts."""
+HOME = "imprint_home"
+"""The custom property of an image with a record, and of a scene, that tells the .blend in which the image was baked: an image
+that was appended has that of another one."""
 PNG_START = b"\x89PNG"
 LONGEST_IN_TARGA = 320
 """Bytes of a record in a Targa file, whose comment has four lines of 80 letters. Of a longer one, only checksums are kept."""
@@ -144,9 +148,24 @@ def _part(item: object) -> Part | None:
 def note(image: bpy.types.Image, parts: Sequence[Part]) -> None:
     """Store the parts of a map in its image."""
     if parts:
-        image[RECORD] = to_text(parts)
+        image[RECORD], image[HOME] = to_text(parts), _home()
     elif RECORD in image:
         del image[RECORD]
+
+
+def _home() -> str:
+    """What tells this .blend, and copies of it, from others: kept in its scenes, for a file has no properties."""
+    scenes = bpy.data.scenes
+    home = next((one[HOME] for one in scenes if one.get(HOME)), "") or uuid.uuid4().hex[:12]
+    for scene in scenes:
+        if scene.is_editable and not scene.get(HOME):
+            scene[HOME] = home
+    return home
+
+
+def is_at_home(image: bpy.types.Image) -> bool:
+    """Whether the record of an image was made in this .blend, so that low objects in it that are gone were deleted here."""
+    return bool(image.get(HOME)) and any(scene.get(HOME) == image[HOME] for scene in bpy.data.scenes)
 
 
 def parts_of_image(name: str) -> list[Part]:

@@ -510,7 +510,7 @@ CASES = {
     "removed from the set": Case(change=remove_from_the_set),
     "removed from the set, in files": Case(FILES, change=remove_from_the_set),
     "deleted": Case(change=delete_another),
-    "deleted, in files": Case(FILES, change=delete_another, refused="'a_low', which is not in this file"),
+    "deleted, in files": Case(FILES, change=delete_another),
     "a part more": Case(change=add_a_part),
     "a part more in files": Case(FILES, change=add_a_part),
     "a part gets a material": Case(change=join_by_material),
