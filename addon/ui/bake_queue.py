@@ -17,7 +17,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -137,6 +137,7 @@ class Run:
         refs: The objects of the file, by name and library.
         images: What each image was then, or is since this queue has filled it, by name, see `_token`.
         baked: When each low object was baked, in the window by then or by this queue, by its session_uid.
+        slots: The material in each slot of low objects, as `_slots` returns it, by their session_uid.
         pressed: Nanoseconds, by time.time_ns.
     """
 
@@ -146,11 +147,19 @@ class Run:
     refs: dict[tuple[str, str], ObjectRef]
     images: dict[str, tuple]
     baked: dict[int, str]
+    slots: dict[int, list[int]]
     pressed: int
     filled: set[str] = field(default_factory=set)
     """The images that this queue has filled since the copy was saved."""
+    put_for: dict[tuple[int, int], set[int]] = field(default_factory=dict)
+    """The materials that this queue has put in place of others, copies of them and new ones for empty slots. The keys: the
+    low object for an empty slot, else 0; and what was in the slot. All are session_uids."""
     has_opened: bool = False
     """Whether a process has opened the copy."""
+
+    def same(self, low: bpy.types.Object, material: int) -> set[int]:
+        """A material of a slot of a low object, and those that this queue has put in its place."""
+        return {material} | self.put_for.get((0 if material else low.session_uid, material), set())
 
     def close(self) -> None:
         """Remove the copy, and what the process wrote for the window."""
@@ -181,6 +190,8 @@ class Made:
     """When it came, by time.monotonic."""
     baked: str = ""
     """When its low objects count as baked, once it is in the file."""
+    slots: dict[int, list[int]] = field(default_factory=dict)
+    """As in Run, before it is put into the file."""
 
     @property
     def size(self) -> int:
@@ -490,6 +501,8 @@ class Queue:
         for low in _lows(made):
             if _baked(low) > run.baked.get(low.session_uid, ""):
                 return f"{low.name!r} was baked again meanwhile: these newer maps stay."
+            if any(not _moved_slots(made, own, options["slots"]) for own, options in _slotted(made) if own == low):
+                return f"The materials of {low.name!r} were changed meanwhile, so its maps were left out: add the set again."
         for name in journal.images_of(made.calls):
             image = datablocks.get(name)
             if image is not None and not _is_same(image, run.images.get(name)):
@@ -508,7 +521,10 @@ class Queue:
         """Note what the file has since something was put into it: for no press is that newer than its copy."""
         baked = {low.session_uid: _baked(low) for low in filter(None, _lows(made))}
         images = {name: _token(datablocks.get(name)) for name in journal.images_of(made.calls)}
+        put = _put_for(made)
         for run in self._runs:
+            for key, materials in put.items():
+                run.put_for.setdefault(key, set()).update(materials)
             run.baked.update(baked)
             run.images.update(images)
             run.filled.update(images)
@@ -577,8 +593,10 @@ def _save(context: bpy.types.Context) -> Run:
     )
     refs = {(obj.name, _library(obj)): ObjectRef.of(obj) for obj in bpy.data.objects}
     tokens = {image.name: _token(image) for image in bpy.data.images if image.library is None}
-    baked = {obj.session_uid: _baked(obj) for obj in bpy.data.objects if obj.type == "MESH"}
-    return Run(setup, folder, copy, refs, tokens, baked, time.time_ns())
+    meshes = [obj for obj in bpy.data.objects if obj.type == "MESH"]
+    baked = {obj.session_uid: _baked(obj) for obj in meshes}
+    slots = {obj.session_uid: _slots(obj) for obj in meshes}
+    return Run(setup, folder, copy, refs, tokens, baked, slots, time.time_ns())
 
 
 def _unsaved(folder: Path) -> Iterator[tuple[str, str]]:
@@ -619,6 +637,11 @@ def _library(obj: bpy.types.Object) -> str:
 
 def _baked(low: bpy.types.Object) -> str:
     return low.imprint.baked if low.is_property_set("imprint") else ""
+
+
+def _slots(low: bpy.types.Object) -> list[int]:
+    """The session_uid of the material in each slot; 0 for an empty one."""
+    return [slot.material.session_uid if slot.material else 0 for slot in low.material_slots]
 
 
 def _token(image: bpy.types.Image) -> tuple:
@@ -662,6 +685,43 @@ def _is_lost(made: Made) -> bool:
     return bool(lows) and all(_baked(low) < made.baked for low in lows)
 
 
+def _slotted(made: Made) -> Iterator[tuple[bpy.types.Object | None, dict]]:
+    """The low objects and options of calls that are about some slots of materials alone."""
+    for _, arguments, options in made.calls:
+        if options.get("slots"):
+            yield made.run.find(arguments[0]["name"], arguments[0]["library"]), options
+
+
+def _moved_slots(made: Made, low: bpy.types.Object | None, numbers: list[int]) -> list[int]:
+    """Where the materials are now that slots had when the copy was saved; empty if these are in no slot any more."""
+    then = made.run.slots.get(low.session_uid, []) if low is not None else []
+    if not then or then == _slots(low) or max(numbers, default=0) >= len(then):  # slots beyond are those of modifiers
+        return numbers
+    wanted = {each for number in numbers for each in made.run.same(low, then[number])}
+    return [number for number, material in enumerate(_slots(low)) if material in wanted]
+
+
+def _put_for(made: Made) -> dict[tuple[int, int], set[int]]:
+    """As in Run, what putting this into the file has put in place of other materials."""
+    found: dict[tuple[int, int], set[int]] = {}
+    for low in filter(None, _lows(made)):
+        before, now = made.slots.get(low.session_uid, []), _slots(low)
+        for old, new in zip(before, now, strict=False):
+            if old not in now and new not in before:  # else the artist has moved them meanwhile
+                found.setdefault((0 if old else low.session_uid, old), set()).add(new)
+    return found
+
+
+def _in_slots(made: Made) -> Made:
+    """What was made, for the slots in which its materials are now."""
+    moved = replace(made, calls=json.loads(json.dumps(made.calls)), reports=json.loads(json.dumps(made.reports)))
+    for low, options in _slotted(moved):
+        options["slots"] = _moved_slots(made, low, options["slots"])
+    for low, report in zip(_lows(moved), moved.reports, strict=True):
+        report["values"]["slots"] = _moved_slots(made, low, report["values"].get("slots", []))
+    return moved
+
+
 def _must_wait(made: Made) -> bool:
     """Whether the file may not be changed now: something else changes it, or a low object cannot take what was made."""
     if display.current is not None:
@@ -691,7 +751,9 @@ def _exhaust(steps: Iterator[None]) -> None:
 
 def _put(made: Made, *, again: bool = False) -> Iterator[None]:
     """Put what was made into the file, in steps. again: after Undo, which leaves files as they are. Raises BakeError."""
-    calls = [each for each in made.calls if not again or each[0] != "atomic_file.put"]
+    made.slots = {low.session_uid: _slots(low) for low in _lows(made) if low is not None}
+    made = _in_slots(made)
+    calls = [each for each in made.calls if not again or each[0] != journal.PUT]
     yield from journal.replay(_moved(calls, made.run.setup), made.run.find)
     yield
     known = {each.name for each in fields(Report)}

@@ -204,12 +204,16 @@ def _bake(
 ) -> list[Report]:
     """Bake sets, and have the window take each image with all that is shown in it. Adds to what was left out."""
     made: list[Report] = []
+    taken: list[Report] = []
 
     def deliver() -> None:
-        problem = window.ask("made", journal.calls, list(map(_plain, made)))["problem"]
+        lows = {report.refs[0] for report in made}
+        own = [each for each in (*taken, *made) if each.refs[0] in lows]  # they replace all that a low object has
+        problem = window.ask("made", journal.calls, list(map(_plain, own)))["problem"]
         if problem:
             raise NotTaken(problem)
         journal.taken()
+        taken.extend(made)
         made.clear()
 
     chosen = [(_in_place(set_job, setup), wants) for set_job, wants in chosen]

@@ -550,3 +550,63 @@ def test_an_image_that_got_other_parts_since_the_copy_was_saved_keeps_them(file,
     wait()
     assert states()["Other"] == (Stage.DONE, "")
     assert changed()["lid_low"] == changed()["lock_low"] == []
+
+
+def shown_in(material):
+    return {node.image.name for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"}
+
+
+@pytest.fixture
+def by_material(file, tmp_path):
+    """The materials of a low object that a set bakes by material, while it is in the queue."""
+    opened(file, tmp_path / "there")
+    low = bpy.data.objects["rope_low"]
+    wood, metal = materials = [bpy.data.materials.new(name) for name in ("Wood", "Metal")]
+    for number, polygon in enumerate(low.data.polygons):
+        polygon.material_index = number % 2
+    for material in materials:
+        low.data.materials.append(material)
+    one = bpy.context.scene.imprint_sets["Memory"]
+    one.textures, one.own.image, one.own.vertex_domain = "MATERIAL", "T_{material}", "NONE"
+    press("Memory")
+    wait(lambda: any(item.state is Stage.BAKING for item in queue.items))
+    return low, wood, metal
+
+
+def test_maps_by_material_follow_slots_that_are_moved(by_material):
+    low, wood, metal = by_material
+    low.data.materials[0], low.data.materials[1] = metal, wood
+    low.data.materials.append(bpy.data.materials.new("Glass"))
+    for polygon in low.data.polygons:
+        polygon.material_index = 1 - polygon.material_index
+    wait()
+    assert states()["Memory"] == (Stage.DONE, "")
+    assert shown_in(wood) and all(name.startswith("T_Wood") for name in shown_in(wood))
+    assert shown_in(metal) and all(name.startswith("T_Metal") for name in shown_in(metal))
+    assert {(each.material, tuple(each.slots)) for each in low.imprint.reports()} == {("Wood", (1,)), ("Metal", (0,))}
+
+
+def test_maps_of_a_material_that_is_gone_are_left_out(by_material):
+    low, wood, metal = by_material
+    low.data.materials[0] = bpy.data.materials.new("Glass")
+    wait()
+    why = "The materials of 'rope_low' were changed meanwhile, so its maps were left out: add the set again."
+    assert states()["Memory"] == (Stage.FAILED, why)
+    assert not wood.node_tree or not shown_in(wood)
+
+
+def test_copies_that_the_queue_makes_of_materials_are_not_changes(file, tmp_path):
+    opened(file, tmp_path / "there")
+    lows = [bpy.data.objects[f"{name}_low"] for name in ("rope", "lock")]
+    wood = bpy.data.materials.new("Wood")
+    for low in lows:
+        low.data.materials.append(wood)
+    own = bpy.context.scene.imprint_sets["Memory"].own
+    own.single_user, own.vertex_domain = True, "NONE"
+    other = new_set(lows[0], name="Other", textures="MATERIAL").own
+    other.image, other.vertex_domain = "T_{material}_{low}", "NONE"
+    press("Memory")
+    press("Other")
+    wait()
+    assert states() == dict.fromkeys(("Memory", "Other"), (Stage.DONE, ""))
+    assert lows[0].data.materials[0] != wood
