@@ -39,7 +39,7 @@ class _Shown(NamedTuple):
         name: Of the low object.
         material: Of the texture set; empty without one.
         layout: As in shared_maps.Part: by it, a low object is known that was renamed.
-        key: Tells the bake from all others.
+        key: Tells the map of this bake from all others.
     """
 
     name: str
@@ -59,16 +59,16 @@ def note(images: Iterable[bpy.types.Image], low: str, material: str = "") -> dic
     """
     if not hasattr(bpy.types.Object, "imprint"):
         return {}
-    key, images = uuid.uuid4().hex[:12], list(images)
-    for image in images:
+    maps = {image: uuid.uuid4().hex[:12] for image in images}  # each its own: another map of the bake is none instead
+    for image, key in maps.items():
         image[CONTENT] = _content(image)
         image[MAP] = json.dumps(list(_with(image, low, material, key)), separators=(",", ":"))
     noting = journal.now()
     if noting is not None:
-        packed = {image.name: image[CONTENT] for image in images if image.packed_files}
+        packed = {image.name: image[CONTENT] for image in maps if image.packed_files}
         hashes = {path: content_keys.files.of(temporary).sha256 for path, temporary in noting.files.items()}
-        noting.note(note_as, {image.name: image[MAP] for image in images}, packed, hashes)
-    return {image.name: key for image in images}
+        noting.note(note_as, {image.name: image[MAP] for image in maps}, packed, hashes)
+    return {image.name: key for image, key in maps.items()}
 
 
 def _with(image: bpy.types.Image, low: str, material: str, key: str) -> Iterator[_Shown]:
@@ -135,8 +135,8 @@ def look(low: bpy.types.Object | None, maps: Mapping[str, str]) -> dict[str, str
 def _image(low: bpy.types.Object | None, name: str, key: str) -> bpy.types.Image | None:
     """The image of a map, also if it was renamed, or came from another file."""
     own = [item.image for item in low.imprint.maps] if low is not None and hasattr(low, "imprint") else []
-    images = [image for image in (datablocks.get(name), *own) if image is not None]
-    return next((image for image in images if _has(image, key)), next(iter(images[:1]), None))
+    named = datablocks.get(name)
+    return next((image for image in (named, *own) if _has(image, key)), named)
 
 
 def _written(image: bpy.types.Image | None, key: str) -> str:

@@ -341,7 +341,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
             self.report({"WARNING"}, warning)
         exported = {**result.to_dict(), "warnings": result.warnings}
         reports = [report.with_export(exported) for report in results.all_of(context)]
-        object_pairs.keep_reports(reports[0].refs[0].resolve(), reports)
+        object_pairs.write_reports(reports[0].refs[0].resolve(), reports)
         self.report({"INFO"}, reports[0].exported)
         redraw()
 

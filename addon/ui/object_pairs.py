@@ -332,10 +332,15 @@ def remember(reports: Sequence[Report]) -> None:
 
 def keep_reports(low: bpy.types.Object, reports: Sequence[Report], now: str = "") -> None:
     """Keep reports as the last result of a low object. now: the time, which all have that were baked together."""
-    low.imprint.result = json.dumps([report.to_dict() for report in reports])
+    write_reports(low, reports)
     low.imprint.baked = now or datetime.now(UTC).isoformat(timespec="microseconds")
     for own in _by_set(reports):
         part_state.keep(low, [report.state for report in own if report.state is not None])
+
+
+def write_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:
+    """Write what the reports of the last bake of a low object say. What the bake has read, and when, stays noted."""
+    low.imprint.result = json.dumps([report.to_dict() for report in reports])
 
 
 def _by_set(reports: Sequence[Report]) -> list[list[Report]]:

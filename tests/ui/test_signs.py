@@ -461,6 +461,29 @@ def test_a_painted_displacement(props):
     assert not object_checks.may_differ_in_renders(bpy.data.objects["door_high"], bpy.context.scene)
 
 
+@pytest.mark.parametrize("gone", ["door_low_normal", "door_low_base_color"])
+def test_each_map_of_a_bake_counts(props, gone):
+    baked()
+    bpy.data.images.remove(bpy.data.images[gone])
+    settle()
+    assert show()["door"].text == f"Changed since the bake: the image {gone!r} is gone"
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
+def test_an_export_is_no_bake(props, tmp_path):
+    baked()
+    door = bpy.data.objects["door_low"]
+    select(door)
+    before = door.imprint.baked
+    assert bpy.ops.imprint.export(filepath=str(tmp_path / "door.glb")) == {"FINISHED"}
+    assert object_pairs.of(door).reports()[0].exported
+    assert door.imprint.baked == before
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
 @pytest.fixture
 def second(props):
     """A set of the door alone, which is a part of the first set too, with images of its own."""
