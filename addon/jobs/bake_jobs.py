@@ -99,14 +99,15 @@ def work(
         shared_name: takes the place of "{low}" in the name of a shared image, and of the material where faces have none.
         only: session_uids of the low objects that are baked; None for all. The others keep their texels, but shade what is
             baked, and their names count.
-        also: session_uids of others that are baked as well where an image that low objects share has not their texels.
+        also: session_uids of others that are baked as well where an image that low objects share has not their texels, or
+            cannot keep them beside new ones.
         goes_on: whether a bake that fails does not end the others: a step with the failure follows it, and only if all fail, it
             raises BakeError.
     """
     shared_name = shared_name if share_image else ""
     groups = _groups(context, jobs, settings, wants, shared_name)
     if only is not None and also and shared_name:
-        only = {*only, *_lost(context, groups, only, also)}
+        only = _with_lost(context, groups, only, also)
     planned, failures = _checked(context, groups, only, shared_name)
     for name, error in failures.items():
         if not goes_on:
@@ -138,16 +139,21 @@ def work(
     return reports
 
 
-def _lost(
+def _with_lost(
     context: bpy.types.Context, groups: Sequence[Sequence[Request]], only: Collection[int], also: Collection[int]
-) -> Iterator[int]:
-    """The session_uids among `also` of low objects whose texels are not in an image that is baked. only: as in `work`."""
-    for group in groups:
-        jobs = [request.job for request in group if request.job.low_ref.uid in only]
-        others = [request.job for request in group if request.job.low_ref.uid in {*also} - {*only}]
-        with suppress(BakeError):  # the bake tells it
-            if jobs and others:
-                yield from (job.low_ref.uid for job in shared_image.lost(context, jobs, others, group[0].settings))
+) -> set[int]:
+    """`only`, and the low objects among `also` whose texels are not in an image that is baked, or cannot stay there. One that
+    has several images may bring those of another one of them. only, also: as in `work`."""
+    wanted, before = {*only}, -1
+    while len(wanted) != before:
+        before = len(wanted)
+        for group in groups:
+            jobs = [request.job for request in group if request.job.low_ref.uid in wanted]
+            others = [request.job for request in group if request.job.low_ref.uid in {*also} - wanted]
+            with suppress(BakeError):  # the bake tells it
+                if jobs and others:
+                    wanted |= {job.low_ref.uid for job in shared_image.lost(context, jobs, others, group[0].settings)}
+    return wanted
 
 
 def _checked(

@@ -66,7 +66,7 @@ def work(
     """Bake a set, as bake_jobs.work. A part that fails does not end the others: a step with the failure follows it.
 
     only: the session_uids of the low objects that are baked; None for all. The others keep their texels; those that were baked
-        into another image than the one that they share now are baked as well.
+        into another image than the one that they share now, or whose texels cannot stay beside new ones, are baked as well.
     """
     wanted = [job.low_ref.uid for job in set_job.wanted(only)]
     if not wanted:

@@ -76,9 +76,11 @@ def kept(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *,
 
 
 def lost(context: bpy.types.Context, jobs: Sequence[Job], others: Sequence[Job], settings: Settings) -> list[Job]:
-    """The `others` of which some map would have no texels if `jobs` alone are baked into the maps that they share. settings: as
-    for `kept`. Raises BakeError as `kept`."""
+    """The `others` of which some map would have no texels, or other ones than a bake of all, if `jobs` alone are baked into the
+    maps that they share. settings: as for `kept`. Raises BakeError as `kept`."""
     by_map = map_names.settings_by_map(settings)
+    if any(_problem(name, of_map) for name, of_map in by_map.items()):
+        return [*others]
 
     def are_in(job: Job, parts: dict[str, list[Part]]) -> bool:
         own = (job.low.name, job.material), (job.low.name, "")

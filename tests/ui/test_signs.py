@@ -924,3 +924,59 @@ def texels_of_maps():
         maps = part_state.kept(low).of_kind("image")
         texels |= {(name, image): np.array(bpy.data.images[image].pixels) for image in maps}
     return texels
+
+
+MIXED = {
+    "scaled by the largest": {"maps": {"HEIGHT", "BASE_COLOR"}},
+    "numbered over all": {"maps": {"OBJECT_ID"}},
+    "mixed in mip levels": {"maps": {"BASE_COLOR"}, "mip_files": True},
+}
+"""Maps of which texels of some parts change if those of others do."""
+
+
+@pytest.mark.parametrize(
+    "case", [("ONE", "Wood", NAMES), ("MATERIAL", "Wood", NAMES), ("MATERIAL", "Glass", ("door", "lamp"))]
+)
+@pytest.mark.parametrize("values", MIXED.values(), ids=MIXED)
+def test_all_parts_of_a_map_that_mixes_them_are_baked(props, tmp_path, values, case):
+    """Also those that share another image with such a part, and no others.
+
+    case: Textures, the material of the first part, and what is baked.
+    """
+    props.textures, first, expected = case
+    side_by_side()
+    for name, materials in zip(NAMES, ([first], ["Wood", "Metal"], ["Metal"]), strict=True):
+        low = bpy.data.objects[f"{name}_low"]
+        for material in materials:
+            low.data.materials.append(bpy.data.materials.get(material) or bpy.data.materials.new(material))
+        low.data.polygons[0].material_index = len(materials) - 1
+    use(**{"storage": "FILE", "output": str(tmp_path / "{low}.png"), "size": 48, **values})
+    baked()
+    times = {name: bpy.data.objects[f"{name}_low"].imprint.baked for name in NAMES}
+    grow("lamp", 1.5)
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+    again = {name for name in NAMES if bpy.data.objects[f"{name}_low"].imprint.baked != times[name]}
+    assert again == {*expected}
+    after = contents(tmp_path)
+    bake()
+    assert contents(tmp_path) == after
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_part_that_is_off_does_not_lose_its_numbers(props, tmp_path):
+    """Bake Changed is refused then."""
+    props.textures = "ONE"
+    side_by_side()
+    use(storage="FILE", output=str(tmp_path / "{low}.png"), size=48, maps={"OBJECT_ID"})
+    baked()
+    before = contents(tmp_path)
+    grow("wheel")
+    bpy.data.objects["lamp_low"].imprint_is_baked = False
+    with pytest.raises(RuntimeError, match="numbered over all objects"):
+        bake(changed=True)
+    assert contents(tmp_path) == before
