@@ -18,11 +18,11 @@ from ..core import progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.naming import LOW, MATERIAL
-from ..core.settings import Settings
+from ..core.settings import MapSettings, Settings, TracingSettings
 from ..jobs import map_contents, part_state
 from ..jobs.job import Job, PastBake
 from ..jobs.part_state import State, Status
-from ..jobs.state_pieces import IMAGE, PROBLEM, SETTING, TARGET
+from ..jobs.state_pieces import IMAGE, PROBLEM, SETTING, TARGET, Other
 from ..scene import dependencies, evaluation, object_checks, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, sets
@@ -173,8 +173,8 @@ class Looks:
         self._uses: dependencies.Uses | None = None
         self._counts: tuple[int, ...] = ()
         """The datablocks when it was made: Blender does not report that a script removes an unused one."""
-        self._known: dict[int, str] = {}
-        """Keys of occluders, as part_state.look has them."""
+        self._known: dict[tuple[MapSettings, TracingSettings], dict[int, Other | None]] = {}
+        """Occluders as part_state.look has them, by the settings that decide how they are read."""
         self._places: tuple = ()
         self._hurries = False
         """Whether this round of comparisons is not to wait for the next ticks: objects have come or gone."""
@@ -388,7 +388,8 @@ class Looks:
     def _state(self, context: bpy.types.Context, asked: Asked, then: State | None) -> State:
         if asked.why:
             return State({f"{PROBLEM}:": asked.why})
-        how = {"then": then, "jobs": asked.jobs, "known": self._known}
+        known = self._known.setdefault((asked.settings.map, asked.settings.tracing), {})
+        how = {"then": then, "jobs": asked.jobs, "known": known}
         if asked.shared_name:
             how |= {"share_image": True, "shared_name": asked.shared_name}
         return progress.finish(part_state.look(context, asked.job, asked.settings, **how))

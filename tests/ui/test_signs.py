@@ -699,6 +699,38 @@ def test_the_scene_shades(props):
     assert statuses() == all_are(Status.CHANGED)
 
 
+def test_sets_that_read_occluders_otherwise(props):
+    """What one set has read of an occluder is no matter of another one."""
+    leaf = bpy.data.materials.new("leaf")
+    image = bpy.data.images.new("leaf", 8, 8, alpha=True)
+    image.pixels.foreach_set(np.random.default_rng(1).random(256).astype(np.float32))
+    image.pack()
+    tree = leaf.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(node.outputs["Alpha"], tree.nodes["Principled BSDF"].inputs["Alpha"])
+    bpy.ops.mesh.primitive_plane_add(size=1.0, location=(0.0, 0.0, 2.0))
+    bpy.context.object.data.materials.append(leaf)
+    use(maps={"AO"}, occluders="SCENE", rays=16)
+    other = bpy.context.scene.imprint_sets.add()
+    other.name, other.source = "Other", "PARTS"
+    other.parts.add().object = bpy.data.objects["lamp_low"]
+    props.source = "PARTS"
+    for name in ("wheel", "door"):
+        props.parts.add().object = bpy.data.objects[f"{name}_low"]
+    other.make_own("cut_outs")
+    other.own.cut_outs = not other.own.cut_outs
+    other.own.image = "other_{low}"
+    bake()
+    for active in (0, 1):
+        bpy.context.scene.imprint.active_set = active
+        signs.of_set(bpy.context, bpy.context.scene.imprint_sets[active])
+        bpy.context.view_layer.update()
+        while looks.advance(bpy.context, 10.0):
+            pass
+    assert [signs.of_set(bpy.context, one).status for one in bpy.context.scene.imprint_sets] == [Status.TRUE] * 2
+
+
 def test_a_slice_ends_after_its_time(props):
     baked()
     looks.mark_all()
