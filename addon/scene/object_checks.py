@@ -101,6 +101,8 @@ def by_name(objects: Iterable[bpy.types.Object], like: bpy.types.Object | None =
     `like`, or else the local one."""
     library, by_name = like.library if like is not None else None, {}
     for obj in objects:
+        if obj is None:  # a script has removed it since the view layer was updated
+            continue
         if obj.name not in by_name or obj.library == library:
             by_name[obj.name] = obj
     return by_name

@@ -530,7 +530,7 @@ def shading(context: bpy.types.Context, settings: Settings, jobs: Sequence[Job])
 
 def _edited(context: bpy.types.Context) -> set[int]:
     """The session_uids of the objects in a mode whose edits reach the mesh when it is left, and of their data."""
-    objects = [obj for obj in context.view_layer.objects if obj.mode not in {"OBJECT", "POSE"}]
+    objects = [obj for obj in filter(None, context.view_layer.objects) if obj.mode not in {"OBJECT", "POSE"}]
     return {block.session_uid for obj in objects for block in (obj, obj.data)}
 
 

@@ -140,7 +140,7 @@ class ViewMode:
         low = self.low_of(context)
         if low is None or self.mode.is_deviation or not context.scene.imprint_view.all_lows:
             return [low] if low is not None else []
-        return [low, *(obj for obj in context.view_layer.objects if obj != low and maps_of(obj))]
+        return [low, *(obj for obj in context.view_layer.objects if obj not in {low, None} and maps_of(obj))]
 
     def is_ready(self, context: bpy.types.Context, wanted: Mode) -> bool:
         """Whether a mode needs no map that is yet to be drawn."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.progress import Pace
-from addon.ui import set_operators, sets
+from addon.ui import set_operators, sets, signs
 from tests.support import maps, zoo
 from tests.support.other_process import elsewhere
 from tests.support.panel import add, refusal, select, use
@@ -106,6 +106,25 @@ def test_a_deleted_part_comes_back_with_undo(props, tmp_path, is_saved):
     assert parts() == ["a_low", "c_low"]
     bpy.ops.ed.undo()
     assert parts() == ["a_low", "b_low", "c_low"]
+
+
+@pytest.mark.parametrize("source", ["PARTS", "COLLECTION", "NAMES"])
+@pytest.mark.parametrize("removed", ["a_low", "a_high"])
+def test_a_script_removes_an_object_of_a_part(props, source, removed):
+    """Blender's view layer has None in its place until it is updated."""
+    one, shown = current(), bpy.data.collections.new("Prop")
+    bpy.context.scene.collection.children.link(shown)
+    for obj in bpy.data.objects:
+        shown.objects.link(obj)
+    one.source, one.collection = source, shown
+    bpy.context.view_layer.update()
+    bpy.data.objects.remove(bpy.data.objects[removed])
+    assert None in [*bpy.context.view_layer.objects]
+    there = ["a_low", "b_low", "c_low"] if removed == "a_high" and source != "NAMES" else ["b_low", "c_low"]
+    assert parts() == [low.name for low, *_ in sets.jobs(bpy.context, one)] == there
+    assert [job.low.name for job in sets.resolve(bpy.context, one).jobs][-2:] == ["b_low", "c_low"]
+    assert signs.of_set(bpy.context, one).text
+    signs.looks.advance(bpy.context, 10.0)
 
 
 def test_a_deleted_part_is_found_by_its_name_in_the_saved_file(props, tmp_path):
