@@ -117,7 +117,9 @@ def kept(folder):
     for image in bpy.data.images:
         texels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(texels)
-        marks = {key: value for key, value in image.items() if key not in {"imprint_map", "imprint_unpacked"}}
+        marks = {
+            key: value for key, value in image.items() if key not in {"imprint_map", "imprint_home", "imprint_unpacked"}
+        }
         values = tuple(image.size), image.is_float, image.depth, marks, image.colorspace_settings.name
         packed = [each.packed_file.data for each in image.packed_files]
         images[image.name] = values, texels.tobytes(), packed, image.use_fake_user, image.alpha_mode
