@@ -49,7 +49,7 @@ class _Shown(NamedTuple):
 
 
 def note(images: Iterable[bpy.types.Image], low: str, material: str = "") -> dict[str, str]:
-    """Note what images show, as Imprint has just written it. Returns what tells this bake from others, by the images' names.
+    """Note what images show, as Imprint has just written it. Returns what tells this map from others, by the image's name.
 
     Nothing is noted in a shell, whose low objects keep no state, and whose records have the files.
 

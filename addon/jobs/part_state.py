@@ -27,6 +27,7 @@ from .state_pieces import (
     IMAGE,
     MATERIAL,
     MESH,
+    ORDER,
     OTHERS,
     PLACE,
     PROBLEM,
@@ -131,7 +132,7 @@ def displaced(context: bpy.types.Context, jobs: Sequence[Job], settings: Setting
     shown, new, found = {}, [job for job in jobs if job.low_ref.uid in baked], set()
     for job in jobs:
         state = kept(job.low) if job.low_ref.uid not in baked else None
-        shown |= {job: map_contents.names(job.low, state.of_kind(IMAGE))} if state is not None else {}
+        shown |= {job: map_contents.names(job.low, state.images)} if state is not None else {}
     while new:
         filled = {name for job in new for name in _filled(context, job, settings)}
         new = [job for job, names in shown.items() if names & filled and job.low_ref.uid not in found]
@@ -172,6 +173,8 @@ def _changes(then: State, now: State) -> list[str]:
     clauses += [f"the mesh of {name!r}" for name in shapes]
     moved = [name for name in _differing(then, now, PLACE) if f"the mesh of {name!r}" not in clauses]
     clauses += [f"the place of {name!r}" for name in moved]
+    if not shapes and not moved:  # the order of meshes has their keys
+        clauses += ["the order of the high objects" for _ in _differing(then, now, ORDER)]
     clauses += ["the objects that shade it" for _ in _differing(then, now, OTHERS)]
     clauses += [f"the material {name!r}" for name in _differing(then, now, MATERIAL)]
     settings = _differing(then, now, SETTING)

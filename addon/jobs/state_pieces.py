@@ -16,7 +16,7 @@ import numpy as np
 from ..core import versions
 from ..core.contents import short
 from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
-from ..core.map_types import BY_NAME, Family, Kind, Range
+from ..core.map_types import BY_NAME, Family, Kind, Labeled, Range
 from ..core.material_feeds import ExactFeed, HighMaterial, ImageFeed
 from ..core.settings import Settings
 from ..mesh.cutouts import KEY
@@ -28,7 +28,7 @@ from ..scene.materials import exact_keys
 from .job import Request
 
 MESH, UVS, PLACE, OTHERS, MATERIAL, SETTING = "mesh", "uvs", "place", "others", "material", "setting"
-IMAGE, TARGET, CODE, PROBLEM = "image", "target", "code", "problem"
+IMAGE, TARGET, ORDER, CODE, PROBLEM = "image", "target", "order", "code", "problem"
 """Kinds of pieces: their names start with one and a colon."""
 
 
@@ -97,6 +97,8 @@ class State:
         return State(pieces)
 
 
+_NUMBERED = {Labeled.OBJECTS, Labeled.PARTS}
+"""What has numbers, and so colors, in the order of the high objects."""
 MOST = 8
 """The states that a low object keeps."""
 SUMS = 4
@@ -125,15 +127,20 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     shows_object = any(feed.is_of_object for material in meshes.materials for feed in _exact_feeds(material))
     objects = [*request.job.highs, *([request.job.cage] if meshes.cage else [])]
     owners = request.job.highs if shows_object else []
+    numbered = []
     for number, mesh in enumerate((*meshes.highs, *([meshes.cage] if meshes.cage else []))):
         is_made = number >= len(objects) or _is_made(objects[number])
         key = _of_mesh(mesh, is_made=is_made)
         _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
         if is_made:
             _add(pieces, UVS, mesh.name, of_made_uvs(mesh.uv))
-        _add(pieces, PLACE, mesh.name, short(_place(mesh, low)))
+        place = short(_place(mesh, low))
+        numbered.append([key, place])
+        _add(pieces, PLACE, mesh.name, place)
         if mesh.is_floater and any(BY_NAME[name].family is Family.OPENNESS for name in settings.map.drawn_maps):
             _add(pieces, MESH, f"{mesh.name} (floater)", "1")
+    if any(BY_NAME[name].labeled in _NUMBERED for name in settings.map.drawn_maps):
+        pieces[f"{ORDER}:"] = short(numbered[: len(meshes.highs)])
     others = list(map(Other.of, meshes.others)) if others is None else others
     if others:
         pieces[f"{OTHERS}:"] = short(sorted([each.key, (each.place - low.to_world[:3, 3]).tolist()] for each in others))

@@ -450,3 +450,29 @@ def shown(low):
     """The texels of the maps of an object."""
     images = [item.image for item in low.imprint.maps]
     return {image.name: np.array(image.pixels) for image in images}
+
+
+def two_highs():
+    """A low object with two high ones, which are alike but for their places, and their order: by their names."""
+    low, highs = zoo.plane("brick_low", 2), [zoo.terrain(f"brick_high{number}", 8, height=0.1) for number in (1, 2)]
+    for high, x in zip(highs, (-0.5, 0.5), strict=True):
+        high.scale.x, high.location.x = 0.5, x
+    bpy.context.view_layer.update()
+    return low, highs
+
+
+@pytest.mark.parametrize("maps", [("OBJECT_ID",), ("PART_ID",), ("AO",), ("MATERIAL_ID",)])
+def test_the_order_of_high_objects_counts_where_it_gives_them_colors(maps):
+    low, highs = two_highs()
+    settings = Settings(**SAME | {"maps": maps})
+    bake(Job(low, highs), settings)
+    before = shown(low)
+    assert found(Job(low, highs), settings) == []
+    changed = found(Job(low, highs[::-1]), settings)
+    bake(Job(low, highs[::-1]), settings)
+    is_same = all(np.array_equal(before[name], values) for name, values in shown(low).items())
+    assert is_same == (maps[0] not in {"OBJECT_ID", "PART_ID"})
+    assert changed == ([] if is_same else ["the order of the high objects"])
+    assert found(Job(low, highs[::-1]), settings) == []
+    highs[0].data.vertices[40].co.z += 0.1
+    assert found(Job(low, highs[::-1]), settings) == ["the mesh of 'brick_high1'"]
