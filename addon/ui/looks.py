@@ -14,15 +14,15 @@ from typing import NamedTuple
 
 import bpy
 
-from ..core import progress
+from ..core import contents, progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.naming import LOW, MATERIAL
-from ..core.settings import MapSettings, Settings, TracingSettings
+from ..core.settings import Settings
 from ..jobs import map_contents, part_state
 from ..jobs.job import Job, PastBake
 from ..jobs.part_state import State, Status
-from ..jobs.state_pieces import IMAGE, PROBLEM, SETTING, TARGET, Other
+from ..jobs.state_pieces import PROBLEM, SETTING, TARGET
 from ..scene import dependencies, evaluation, object_checks, render_view
 from ..scene.object_checks import ObjectRef
 from . import object_pairs, sets
@@ -173,8 +173,8 @@ class Looks:
         self._uses: dependencies.Uses | None = None
         self._counts: tuple[int, ...] = ()
         """The datablocks when it was made: Blender does not report that a script removes an unused one."""
-        self._known: dict[tuple[MapSettings, TracingSettings], dict[int, Other | None]] = {}
-        """Occluders as part_state.look has them, by the settings that decide how they are read."""
+        self._known: dict[int, str] = {}
+        """Keys of occluders, as part_state.look has them."""
         self._places: tuple = ()
         self._hurries = False
         """Whether this round of comparisons is not to wait for the next ticks: objects have come or gone."""
@@ -372,7 +372,7 @@ class Looks:
         start = time.perf_counter()
         with self._unmarked(context):
             then = part_state.kept(low)
-            seen.maps = then.of_kind(IMAGE) if then is not None else {}
+            seen.maps = then.images if then is not None else {}
             self._note_reads(part, seen, asked)
             seen.ref, seen.key, seen.stamp = asked.job.low_ref, asked.key, _stamp(asked, seen)
             with self._uses.shared():
@@ -388,8 +388,7 @@ class Looks:
     def _state(self, context: bpy.types.Context, asked: Asked, then: State | None) -> State:
         if asked.why:
             return State({f"{PROBLEM}:": asked.why})
-        known = self._known.setdefault((asked.settings.map, asked.settings.tracing), {})
-        how = {"then": then, "jobs": asked.jobs, "known": known}
+        how = {"then": then, "jobs": asked.jobs, "known": self._known}
         if asked.shared_name:
             how |= {"share_image": True, "shared_name": asked.shared_name}
         return progress.finish(part_state.look(context, asked.job, asked.settings, **how))
@@ -546,15 +545,7 @@ def _stamp(asked: Asked, seen: Seen) -> tuple:
         for modifier in obj.modifiers
     )
     dirty = tuple((image := bpy.data.images.get(name)) is not None and image.is_dirty for name in seen.images)
-    return levels, dirty, tuple(map(_stamp_of, seen.files)), map_contents.are_shown(asked.job.low, seen.maps)
-
-
-def _stamp_of(path: str) -> tuple:
-    try:
-        state = os.stat(path)
-    except (OSError, ValueError):
-        return ()
-    return state.st_size, state.st_mtime_ns, state.st_ino
+    return levels, dirty, tuple(map(contents.stamp_of, seen.files)), map_contents.are_shown(asked.job.low, seen.maps)
 
 
 def _again(context: bpy.types.Context, low: bpy.types.Object) -> Asked:

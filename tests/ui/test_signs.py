@@ -699,38 +699,6 @@ def test_the_scene_shades(props):
     assert statuses() == all_are(Status.CHANGED)
 
 
-def test_sets_that_read_occluders_otherwise(props):
-    """What one set has read of an occluder is no matter of another one."""
-    leaf = bpy.data.materials.new("leaf")
-    image = bpy.data.images.new("leaf", 8, 8, alpha=True)
-    image.pixels.foreach_set(np.random.default_rng(1).random(256).astype(np.float32))
-    image.pack()
-    tree = leaf.node_tree
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image = image
-    tree.links.new(node.outputs["Alpha"], tree.nodes["Principled BSDF"].inputs["Alpha"])
-    bpy.ops.mesh.primitive_plane_add(size=1.0, location=(0.0, 0.0, 2.0))
-    bpy.context.object.data.materials.append(leaf)
-    use(maps={"AO"}, occluders="SCENE", rays=16)
-    other = bpy.context.scene.imprint_sets.add()
-    other.name, other.source = "Other", "PARTS"
-    other.parts.add().object = bpy.data.objects["lamp_low"]
-    props.source = "PARTS"
-    for name in ("wheel", "door"):
-        props.parts.add().object = bpy.data.objects[f"{name}_low"]
-    other.make_own("cut_outs")
-    other.own.cut_outs = not other.own.cut_outs
-    other.own.image = "other_{low}"
-    bake()
-    for active in (0, 1):
-        bpy.context.scene.imprint.active_set = active
-        signs.of_set(bpy.context, bpy.context.scene.imprint_sets[active])
-        bpy.context.view_layer.update()
-        while looks.advance(bpy.context, 10.0):
-            pass
-    assert [signs.of_set(bpy.context, one).status for one in bpy.context.scene.imprint_sets] == [Status.TRUE] * 2
-
-
 def test_a_slice_ends_after_its_time(props):
     baked()
     looks.mark_all()
@@ -1012,3 +980,20 @@ def test_a_part_that_is_off_does_not_lose_its_numbers(props, tmp_path):
     with pytest.raises(RuntimeError, match="numbered over all objects"):
         bake(changed=True)
     assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("how", ["deleted", "written"])
+def test_a_tile_of_a_map_that_another_program_changes(props, how, tmp_path):
+    """What a path with a place for the tile's number stands for is looked at without a press."""
+    use(storage="FILE", output=str(tmp_path / "{low}.<UDIM>.png"), udim=True)
+    baked()
+    path = tmp_path / "door_low.1001.png"
+    if how == "deleted":
+        path.unlink()
+    else:
+        path.write_bytes((tmp_path / "door_low_base_color.1001.png").read_bytes())
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
