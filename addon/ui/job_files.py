@@ -176,9 +176,6 @@ def _take(context: bpy.types.Context, made: JobSet, folder: Path) -> ImprintSet:
         for name, size in part.sizes:
             if name in bpy.data.materials:
                 bpy.data.materials[name].imprint_size = str(size)
-        for material, size in part.sizes:
-            if material in bpy.data.materials:
-                bpy.data.materials[material].imprint_size = str(size)
     return one
 
 
