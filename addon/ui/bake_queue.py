@@ -154,8 +154,6 @@ class Run:
     put_for: dict[tuple[int, int], set[int]] = field(default_factory=dict)
     """The materials that this queue has put in place of others, copies of them and new ones for empty slots. The keys: the
     low object for an empty slot, else 0; and what was in the slot. All are session_uids."""
-    has_opened: bool = False
-    """Whether a process has opened the copy."""
 
     def same(self, low: bpy.types.Object, material: int) -> set[int]:
         """A material of a slot of a low object, and those that this queue has put in its place."""
@@ -207,6 +205,8 @@ class BakeProcess(Process):
         self.run, self.gone_at = run, 0.0
         self.done: float = 0.0
         """The finished share of its set."""
+        self.has_opened = False
+        """Whether it has opened its copy."""
         self.lacks = frozenset(run.filled)
         """The images that its copy has as they were before this queue filled them."""
         self.folders: list[str] = []
@@ -343,7 +343,7 @@ class Queue:
             case ["ready"]:
                 process.answer(asdict(process.run.setup))
             case ["opened"]:
-                process.run.has_opened = True
+                process.has_opened = True
                 self._next_set()
             case ["made", calls, reports]:
                 self._made = Made(calls, reports, process.run, time.monotonic())
@@ -391,7 +391,7 @@ class Queue:
             if each.has_ended or now > until:
                 self._leaving.remove((each, until))
                 each.close(0.0)
-        if process is None:
+        if process is None or self._putting is not None:  # no file has half of what was made
             return
         if self._cancel_by and now > self._cancel_by:
             self._cancel_by = 0.0
@@ -402,7 +402,7 @@ class Queue:
     def _crashed(self, process: BakeProcess) -> None:
         ending, where = process.end(0.0), crash_output(process.last_printed())
         why = "Memory ran out, and the system ended the bake." if ending.lacked_memory else ""
-        if process.run.has_opened:
+        if process.has_opened:
             lost = self._baking()
             why = why or f"Blender crashed with {ending.text}{where}."
         else:
@@ -539,11 +539,18 @@ class Queue:
         while len(self._taken) > 1 and sum(each.size for each in self._taken) > MOST_KEPT:
             del self._taken[0]
 
+    def _has_files(self, made: Made) -> bool:
+        """Whether files that were moved to their places are still there. Undo of a later bake moves them, which changes one
+        of their times."""
+        return all(_stamp(path)[::2] == self._written.get(path, ())[::2] for path in journal.files_of(made.calls))
+
     def _after_undo(self, *_) -> None:
         """Put back what Undo took: the window did it in no step."""
         if self._putting is not None:
             self._putting = _put(self._made, again=True)
-        for made in [made for made in self._taken if _is_lost(made)]:  # putting one back makes its low objects newer
+        for made in [
+            made for made in self._taken if _is_lost(made) and self._has_files(made)
+        ]:  # putting one back makes its low objects newer
             with suppress(BakeError):
                 _exhaust(_put(made, again=True))
             self._know(made)

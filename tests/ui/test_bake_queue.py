@@ -612,3 +612,40 @@ def test_copies_that_the_queue_makes_of_materials_are_not_changes(file, tmp_path
     wait()
     assert states() == dict.fromkeys(("Memory", "Other"), (Stage.DONE, ""))
     assert lows[0].data.materials[0] != wood
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes of Linux")
+def test_a_second_process_that_cannot_open_the_copy_ends_its_sets(file, tmp_path):
+    """The first one has opened it. Nothing is tried for ever."""
+    opened(file, tmp_path / "there")
+    add()
+    wait(lambda: any(item.state is Stage.BAKING for item in queue.items))
+    Path(queue._runs[0].setup.copy).write_bytes(b"damaged")
+    kill(file)
+    wait()
+    assert states()["Files"][1].startswith("Blender crashed with signal 9")
+    for name in ("Packed", "Memory"):
+        assert states()[name][1].startswith("The process to bake in does not start: ")
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes of Linux")
+def test_a_process_that_ends_while_its_result_is_put_leaves_a_whole_one(file, tmp_path, monkeypatch):
+    opened(file, tmp_path / "there")
+    monkeypatch.setattr(bake_queue, "MOST_AT_ONCE", 0.0)  # one step at each look
+    press("Packed")
+    wait(lambda: queue._putting is not None)
+    kill(file)
+    time.sleep(0.5)
+    wait()
+    assert changed()["lid_low"] == changed()["lock_low"] == []
+
+
+def test_undo_puts_nothing_back_whose_file_another_program_has_changed(file, tmp_path):
+    folder = opened(file, tmp_path / "there")
+    bpy.ops.ed.undo_push(message="before")
+    press("Files")
+    wait()
+    bpy.ops.ed.undo_push(message="baked")
+    (folder / "maps" / "crate_low_ao.png").write_bytes(b"of another program")
+    bpy.ops.ed.undo()
+    assert changed()["crate_low"] != []
