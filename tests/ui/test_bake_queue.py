@@ -239,7 +239,7 @@ def test_a_low_object_that_is_baked_or_deleted_meanwhile_is_left_alone(file, tmp
     }
     assert (rope.imprint.baked, rope.imprint.result) == before[:2]
     assert tokens().items() >= before[2].items()
-    assert changed()["box"] == ["the mesh of 'crate_high'"]
+    assert changed()["box"] == ["the mesh of 'crate_high'", "the name of the file"]
     assert {image.name for image in bpy.data.images if image.name.startswith(("lid", "lock", "Packed"))} == set()
 
 
