@@ -163,4 +163,6 @@ def pack_unpacked() -> None:
 
 def _content(image: bpy.types.Image) -> str:
     """What an image shows. Strokes on one that is only in memory do not count: reading its pixels takes too long."""
-    return IN_MEMORY if image.source == "GENERATED" else " ".join(content_keys.of_stored(image))
+    in_memory = [IN_MEMORY, f"{image.size[0]}x{image.size[1]}"]
+    stored = in_memory if image.source == "GENERATED" else content_keys.of_stored(image)
+    return " ".join([*stored, image.colorspace_settings.name])

@@ -544,7 +544,9 @@ def _stamp(asked: Asked, seen: Seen) -> tuple:
         for obj in _objects(asked.job)
         for modifier in obj.modifiers
     )
-    dirty = tuple((image := bpy.data.images.get(name)) is not None and image.is_dirty for name in seen.images)
+    images = filter(None, map(bpy.data.images.get, seen.images))
+    # The size of others would load their files.
+    dirty = tuple((image.is_dirty, *(image.size if image.source == "GENERATED" else ())) for image in images)
     return levels, dirty, tuple(map(contents.stamp_of, seen.files)), map_contents.are_shown(asked.job.low, seen.maps)
 
 

@@ -442,6 +442,22 @@ def test_a_painted_texture(props):
     assert statuses()["door"] == Status.CHANGED
 
 
+@pytest.mark.parametrize("storage", ["MEMORY", "PACK"])
+@pytest.mark.parametrize(
+    "edit", [lambda image: setattr(image.colorspace_settings, "name", "Non-Color"), lambda image: image.scale(8, 8)]
+)
+def test_a_map_of_another_color_space_or_size(props, edit, storage):
+    use(storage=storage)
+    baked()
+    edit(bpy.data.images["door_low_base_color"])
+    settle()
+    assert statuses() == all_are(Status.TRUE) | {"door": Status.CHANGED}
+    assert show()["door"].text == "Changed since the bake: the image 'door_low_base_color' was edited"
+    bake(changed=True)
+    settle()
+    assert statuses() == all_are(Status.TRUE)
+
+
 def test_a_painted_displacement(props):
     """The viewport's mesh does not follow the image, but that of a bake does."""
     image = bpy.data.images.new("paint", 8, 8)
