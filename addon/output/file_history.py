@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files as they were before and after each step of a session, which Undo and Redo bring back.
+"""Files as they were before and after each step of a session, which Undo and Redo bring back, but not to before a save.
 
 Old content goes into a private folder: as a link where the file system allows it, else as a copy. Of each content there is one.
 """
@@ -20,6 +20,7 @@ MOST_KEPT = 8 << 30
 """The most bytes of old content that are kept, which the disk would have free otherwise."""
 MOST_COPIED = 1 << 30
 """The most bytes of them that may be copies."""
+SAVED = "Left alone, since the .blend was saved after the bake: {}."
 CHANGED = "Left alone, since changed or deleted after the bake: {}."
 NOT_KEPT = "Not brought back, since the old content was not kept: {}."
 NOT_WRITTEN = "{} could not be brought back: {}."
@@ -97,12 +98,14 @@ class Moved:
 
     Attributes:
         paths: The files that have another content now.
+        saved: Those that were left as they were saved.
         changed: Those that were left alone, as another program or bake changed them.
         not_kept: Those whose content is not kept.
         failed: Sentences about those that the system refused.
     """
 
     paths: set[Path] = field(default_factory=set)
+    saved: list[Path] = field(default_factory=list)
     changed: list[Path] = field(default_factory=list)
     not_kept: list[Path] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
@@ -110,7 +113,7 @@ class Moved:
     @property
     def sentences(self) -> list[str]:
         """What was not brought back, and why."""
-        said = [(CHANGED, self.changed), (NOT_KEPT, self.not_kept)]
+        said = [(SAVED, self.saved), (CHANGED, self.changed), (NOT_KEPT, self.not_kept)]
         texts = [
             text.format(shorten_list(repr(path.name) for path in dict.fromkeys(paths))) for text, paths in said if paths
         ]
@@ -124,6 +127,8 @@ class FileHistory:
         self._steps: list[Step] = []
         self._done = 0
         """The number of steps that are not undone."""
+        self._saved = 0
+        """The number of steps whose files stay, whether they are undone or not."""
         self._begun: dict[Path, tuple[Content, Sequence[Path]]] | None = None
         """Of the step that is going on, the files before it, and the folders that were made for them."""
         self._places: dict[Path, Place] = {}
@@ -147,6 +152,7 @@ class FileHistory:
         forgotten = max(0, self._done + 1 - most)
         del self._steps[:forgotten]
         self._done -= forgotten
+        self._saved = max(0, self._saved - forgotten)
         if self._folder is None or not os.path.isdir(self._folder.name):
             with suppress(OSError):
                 self._folder = tempfile.TemporaryDirectory(prefix="imprint-", dir=folder, ignore_cleanup_errors=True)
@@ -166,29 +172,29 @@ class FileHistory:
                 self._places[path] = Place(after, after)
         if changes:
             self._steps[self._done :] = [Step(name, changes)]
+            self._saved = min(self._saved, self._done)
             self._done += 1
         self._forget_unused()
         return bool(changes)
 
-    def is_before(self, names: Collection[str]) -> bool:
-        """Whether the last step of these names is undone."""
-        return any(step.name in names for step in self._steps[self._done :])
+    def save(self) -> None:
+        """Let the files stay as they are, since the .blend that shows them is saved: Undo goes no further back."""
+        self._saved = max(self._saved, self._done)
+        self._forget_unused()
 
     def go_to(self, names: Collection[str]) -> Moved:
-        """Bring all files to where they were after the last step of these names, or before the first one."""
+        """Bring all files to where they were after the last step of these names, or before the first one; not to before the
+        last save."""
         self._goal = max((number for number, step in enumerate(self._steps, 1) if step.name in names), default=0)
         moved = Moved()
         while self._done != self._goal:
             is_undo = self._done > self._goal
-            step = self._steps[self._done - is_undo]
-            changes = list(step.changes.items())
-            for path, change in reversed(changes) if is_undo else changes:  # a folder is empty after its first file
-                before, after = (change.after, change.before) if is_undo else (change.before, change.after)
-                try:
-                    self._bring(path, before, after, change.folders, moved)
-                except OSError as error:
-                    self._places[path] = Place(after, self._places[path].left)
-                    moved.failed.append(NOT_WRITTEN.format(repr(path.name), reason(error)))
+            number = self._done - is_undo
+            if number >= self._saved:
+                self._pass(self._steps[number], moved, is_undo=is_undo)
+            elif is_undo:
+                changes = self._steps[number].changes.items()
+                moved.saved += [path for path, change in changes if stamp_of(path) != change.before.stamp]
             self._done += -1 if is_undo else 1
         return moved
 
@@ -196,7 +202,7 @@ class FileHistory:
         """Keep nothing."""
         self._steps.clear()
         self._places.clear()
-        self._done, self._begun, atomic_file.before_replacing = 0, None, None
+        self._done, self._saved, self._begun, atomic_file.before_replacing = 0, 0, None, None
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
@@ -208,6 +214,17 @@ class FileHistory:
             content = place.left if place is not None and place.left.stamp == stamp else Content(stamp)
             self._begun[path] = content, folders
             self._keep(path, content)
+
+    def _pass(self, step: Step, moved: Moved, *, is_undo: bool) -> None:
+        """Bring the files of a step to where they were before or after it."""
+        changes = list(step.changes.items())
+        for path, change in reversed(changes) if is_undo else changes:  # a folder is empty after its first file
+            before, after = (change.after, change.before) if is_undo else (change.before, change.after)
+            try:
+                self._bring(path, before, after, change.folders, moved)
+            except OSError as error:
+                self._places[path] = Place(after, self._places[path].left)
+                moved.failed.append(NOT_WRITTEN.format(repr(path.name), reason(error)))
 
     def _bring(self, path: Path, before: Content, after: Content, folders: Sequence[Path], moved: Moved) -> None:
         """Bring a file from one content to another one. Raises OSError, and then it has not changed."""
@@ -273,13 +290,13 @@ class FileHistory:
 
     def _contents(self) -> list[Content]:
         """The contents of all steps, the farthest from where Undo is or goes first, then those of the step that goes on."""
-        numbers = sorted(range(len(self._steps)), key=lambda number: -abs(number + 0.5 - self._goal))
+        numbers = sorted(range(self._saved, len(self._steps)), key=lambda number: -abs(number + 0.5 - self._goal))
         changes = (change for number in numbers for change in self._steps[number].changes.values())
         begun = [content for content, _ in (self._begun or {}).values()]
         return list(dict.fromkeys([*(content for change in changes for content in change[:2]), *begun]))
 
     def _forget_unused(self) -> None:
-        """Remove what no step needs: that of steps that cannot be redone, or have ended without a change."""
+        """Remove what no step needs: that of steps that cannot be redone, were saved, or have ended without a change."""
         if self._folder is None:
             return
         used = {content.kept.name for content in self._contents() if content.kept}

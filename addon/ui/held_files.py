@@ -28,9 +28,7 @@ class HeldFiles:
         self._history = FileHistory()
         self._scenes: set[int] = set()
         """The session_uid of each scene that has had the name of a step: those that are added later have none."""
-        self._saved: set[str] = set()
-        """The names that the scenes had when the file was saved, whose files it names."""
-        events.hear(undo_post=self.put_back, redo_post=self.put_back, save_post=self.note_saved, end=self.forget)
+        events.hear(undo_post=self.put_back, redo_post=self.put_back, save_post=self._after_saving, end=self.forget)
 
     def begin(self) -> None:
         """Begin a step: an undo step of Blender has to follow its end."""
@@ -61,35 +59,29 @@ class HeldFiles:
 
     def put_back(self, *_) -> None:
         """Give the files the content that they had in the step that Undo or Redo has restored."""
-        names = self._names()
-        if self._history.is_empty or not names:
+        scenes = [scene for scene in bpy.data.scenes if scene.session_uid in self._scenes]
+        if self._history.is_empty or not scenes:
             return
-        moved = self._history.go_to(names)
+        moved = self._history.go_to({scene.imprint_files for scene in scenes})
         if moved.paths:
             _reload(moved.paths)
         if moved.paths or moved.sentences:
             self.told = moved.sentences
             redraw(region="UI")
-        if self.told:
+        if moved.sentences:
             _telling.start()
 
-    def note_saved(self, path: str = "", *_) -> None:
-        """Note which files the open file names on the disk. path: of the .blend that was saved, which may be a copy."""
+    def _after_saving(self, path: str = "", *_) -> None:
+        """The .blend that was saved shows the files as they are, whatever is undone before it is saved again. path: where it
+        was saved, which is another place where it is a copy."""
         if path == bpy.data.filepath:
-            self._saved = self._names()
+            self._history.save()
 
     def forget(self) -> None:
-        """Keep nothing, when the file is closed. What was undone since it was saved comes back, as its images are there."""
-        if self._history.is_before(self._saved):
-            self._history.go_to(self._saved)
+        """Keep nothing."""
         self._history.forget()
         self._scenes.clear()
-        self._saved = set()
         self.told = []
-
-    def _names(self) -> set[str]:
-        """The names of steps that the scenes have."""
-        return {scene.imprint_files for scene in bpy.data.scenes if scene.session_uid in self._scenes}
 
 
 def _reload(paths: Collection[Path]) -> None:

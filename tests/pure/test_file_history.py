@@ -96,6 +96,78 @@ def test_files_are_those_of_the_step_in_any_order(tmp_path, monkeypatch, seed, c
     assert list(session.own.iterdir()) == []
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_undo_goes_no_further_back_than_to_the_last_save(tmp_path, seed):
+    chance, session, saved = random.Random(seed), Session(tmp_path), 0
+    for number in range(60):
+        action = chance.random()
+        if action < 0.3:
+            names = chance.sample(NAMES, chance.randint(1, len(NAMES)))
+            saved = min(saved, session.at)
+            session.step(**{name: f"{name} {number}" for name in names})
+        elif action < 0.5:
+            saved = max(saved, session.at)
+            session.history.save()
+            session.states[: saved + 1] = [tree(session.folder)] * (saved + 1)
+        else:
+            moved = session.go_to(chance.randrange(len(session.states)))
+            assert not [*moved.changed, *moved.not_kept, *moved.failed], number
+        assert session.is_right(), number
+
+
+def test_what_was_saved_is_told_and_its_old_content_goes(session):
+    session.step(a="1", b="1")
+    session.step(a="2")
+    session.history.save()
+    assert session.number_kept == 0
+    assert session.go_to(1).sentences == ["Left alone, since the .blend was saved after the bake: 'a'."]
+    assert session.go_to(2).sentences == []
+    assert session.go_to(1).paths == set()
+    assert sorted(session.go_to(0).saved) == [session.folder / "a", session.folder / "b"]
+    assert tree(session.folder) == {"a": "2", "b": "1"}
+
+
+def test_a_file_that_is_as_it_was_before_all_is_not_told(session):
+    session.step(a="1", b="1")
+    session.history.save()
+    (session.folder / "b").unlink()
+    assert session.go_to(0).saved == [session.folder / "a"]
+
+
+def test_a_save_counts_for_its_own_file_alone(session):
+    session.step(a="1")
+    session.history.save()
+    session.history.forget()
+    session.at, session.states = 0, [tree(session.folder)]
+    session.step(a="2")
+    assert session.go_to(0).sentences == []
+    assert session.is_right()
+
+
+def test_what_was_undone_before_a_save_can_be_redone(session):
+    session.step(a="1")
+    session.step(a="2", b="2")
+    session.go_to(1)
+    session.history.save()
+    for number in (2, 1, 2):
+        assert session.go_to(number).sentences == []
+        assert session.is_right()
+
+
+def test_a_save_counts_while_its_step_can_be_undone(session):
+    """Steps go at the other end while their number is limited."""
+    session.step(a="1")
+    session.history.save()
+    for text in "23":
+        session.history.begin(str(session.own), 2)
+        write(session.folder / "a", text)
+        assert session.history.end(text)
+    assert session.history.go_to({"2"}).sentences == []
+    assert tree(session.folder) == {"a": "2"}
+    assert session.history.go_to({}).sentences == []
+    assert tree(session.folder) == {"a": "1"}
+
+
 def test_old_content_is_linked_and_not_copied(session, monkeypatch):
     monkeypatch.setattr(shutil, "copy2", no_links)
     session.step(a="1")

@@ -152,6 +152,73 @@ def test_other_steps_change_no_file(folder):
     assert contents(folder) == {}
 
 
+@pytest.mark.parametrize("way", ["first", "again", "winding", "over itself"])
+def test_files_that_a_saved_blend_shows_stay(folder, monkeypatch, way):
+    """Also where the bake is undone and Blender closed without another save."""
+    told = []
+    monkeypatch.setattr("addon.ui.held_files._telling", type("", (), {"start": lambda: told.append(held_files.told)}))
+    saved = str(folder / "a.blend")
+    if way != "first":
+        bpy.ops.wm.save_as_mainfile(filepath=saved)
+    tilt(1.0)
+    baked, shows = tilt(0.5), contents(folder)
+    if way == "again":
+        bpy.ops.wm.save_mainfile()
+    else:
+        winding = str(folder / ".." / folder.name / "a.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=winding if way == "winding" else saved, copy=way == "over itself")
+    shows |= contents(folder)
+    for _ in range(4):
+        bpy.ops.ed.undo()
+        assert contents(folder).items() >= shows.items()
+    sentence = "Left alone, since the .blend was saved after the bake: 'lo.png'."
+    assert told == [[sentence], [sentence]]
+    assert sentence in panel_layout.draw(panels=[results_panel.IMPRINT_PT_results]).text
+    bpy.ops.wm.open_mainfile(filepath=saved)
+    assert contents(folder).items() >= shows.items()
+    assert shown() == baked
+
+
+def test_a_bake_after_a_save_goes_back_to_what_was_saved(folder):
+    tilt(1.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
+    saved, images = contents(folder), shown()
+    tilt(0.5)
+    bpy.ops.ed.undo()
+    assert (contents(folder), shown(), held_files.told) == (saved, images, [])
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    tilt(0.25)
+    bpy.ops.ed.undo()
+    assert contents(folder) == saved
+
+
+@pytest.mark.parametrize("has_path", [False, True])
+def test_a_saved_copy_is_no_save(folder, tmp_path_factory, has_path):
+    """The queue bakes from such copies."""
+    elsewhere = tmp_path_factory.mktemp("copy")
+    if has_path:
+        bpy.ops.wm.save_as_mainfile(filepath=str(elsewhere / "a.blend"))
+    tilt(1.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(elsewhere / "b.blend"), copy=True)
+    bpy.ops.ed.undo()
+    assert (contents(folder), held_files.told) == ({}, [])
+
+
+def test_a_bake_of_another_object_after_undo_leaves_what_was_saved(folder):
+    """Also when the file is closed then, whatever step its scenes are at."""
+    tilt(1.0)
+    path = str(folder / "a.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    saved = contents(folder)
+    bpy.ops.ed.undo()
+    use(output=str(folder / "other.png"))
+    tilt(0.5)
+    assert contents(folder).items() >= saved.items()
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert contents(folder).items() >= saved.items()
+
+
 def test_an_export_is_no_step(folder):
     tilt(1.0)
     assert bpy.ops.imprint.export(filepath=str(folder / "lo.glb")) == {"FINISHED"}
@@ -265,48 +332,6 @@ def test_nothing_is_kept_for_another_file(folder, way):
     files = contents(folder)
     held_files.put_back()
     assert contents(folder) == files
-
-
-@pytest.mark.parametrize("is_saved", ["at the bake", "as a copy", "before", "after Undo"])
-def test_files_that_the_saved_file_names_are_there_when_it_is_closed(folder, is_saved):
-    path = str(folder / "a.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    tilt(1.0)
-    before = (folder / "lo.png").read_bytes()
-    tilt(0.5)
-    after = (folder / "lo.png").read_bytes()
-    assert after != before
-    if is_saved == "at the bake":
-        bpy.ops.wm.save_mainfile()
-    elif is_saved == "as a copy":
-        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "b.blend"), copy=True)
-    bpy.ops.ed.undo()
-    if is_saved == "after Undo":
-        bpy.ops.wm.save_mainfile()
-    assert (folder / "lo.png").read_bytes() == before
-    bpy.ops.wm.open_mainfile(filepath=path)
-    assert (folder / "lo.png").read_bytes() == (after if is_saved == "at the bake" else before)
-    assert kept() == []
-
-
-def test_a_first_bake_that_was_saved_and_undone_is_there_when_the_file_is_closed(folder):
-    tilt(1.0)
-    before = contents(folder)
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
-    bpy.ops.ed.undo()
-    assert "lo.png" not in contents(folder)
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
-    assert contents(folder)["lo.png"] == before["lo.png"]
-    assert bpy.data.images["lo_normal"].pixels[0] > 0.0
-
-
-def test_what_another_program_wrote_since_stays_when_the_file_is_closed(folder):
-    tilt(1.0)
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
-    bpy.ops.ed.undo()
-    (folder / "lo.png").write_bytes(b"of another program")
-    bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
-    assert (folder / "lo.png").read_bytes() == b"of another program"
 
 
 def test_bakes_in_the_background_keep_nothing(folder):
