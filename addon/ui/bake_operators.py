@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core import naming
 from ..core.declarations.choices import Method, Storage
-from ..core.errors import BakeError, in_window
+from ..core.errors import BakeError, shorten_list
 from ..core.progress import Pace, Progress, Task, relay
 from ..core.report import Report
 from ..core.settings import Settings
@@ -21,7 +21,7 @@ from . import bake_results, modal, object_pairs, results
 from .live import live
 from .properties import Chosen, Options
 from .results import Batch
-from .texts import labeled
+from .texts import labeled, message
 
 
 @dataclass(frozen=True)
@@ -30,26 +30,38 @@ class Several:
 
     Attributes:
         left_out: What was not baked, as results.Batch has it.
+        parts: The number of parts that were asked for, of which some may be left alone; 0 if that need not be told.
     """
 
     reports: list[Report]
     left_out: list[tuple[str, str]]
+    parts: int = 0
+
+    @property
+    def told(self) -> str:
+        """What was baked, in a line without a full stop; empty if the number of parts is not known."""
+        lows = list(dict.fromkeys(report.low for report in self.reports))
+        if not self.parts:
+            return ""
+        if not lows:
+            return message("Nothing has changed: all maps show the scene as it is")
+        return message("Baked {} of {} parts: {}").format(len(lows), self.parts, shorten_list(lows))
 
 
 class BakeOperator(modal.MapOperator):
     """An operator that bakes maps; `task` returns their reports, or Several."""
 
     def finish(self, context: bpy.types.Context, result: list[Report] | Several) -> None:
-        reports = result.reports if isinstance(result, Several) else result
+        one = result if isinstance(result, Several) else Several(result, [])
+        reports = one.reports
         lines = [line for report in reports for line in report.summary(reading.lengths_of(context.scene))]
-        self.show(context, lines, [warning for report in reports for warning in report.warnings])
+        warnings = [warning for report in reports for warning in report.warnings]
+        self.show(context, lines, warnings, head=one.told, left_out=[reason for _, reason in one.left_out])
         results.remember(reports)
-        if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
+        if reports and self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
             bake_results.show_bake(context, reports)
         if isinstance(result, Several):
             results.keep_batch(Batch(result.left_out, sorted({report.low for report in reports})))
-            for _, reason in result.left_out:
-                self.report({"WARNING"}, in_window(reason)[0])
 
 
 def bake_several(

@@ -236,13 +236,26 @@ class MapOperator(SlicedOperator):
             for part in textwrap.wrap(line, LAST_OPERATION):
                 column.label(text=part, translate=False)
 
-    def show(self, context: bpy.types.Context, lines: Iterable[str], warnings: Iterable[str]) -> None:
-        """Show the lines of a summary and warnings in the status bar, the Info editor and the panel."""
-        manager, lines = context.window_manager, list(lines)
+    def show(
+        self,
+        context: bpy.types.Context,
+        lines: Iterable[str],
+        warnings: Iterable[str],
+        *,
+        head: str = "",
+        left_out: Iterable[str] = (),
+    ) -> None:
+        """Show the lines of a summary and warnings in the status bar, the Info editor and the panel.
+
+        head: what was done, with which the summary and the last report begin. left_out: why something was left out.
+        """
+        manager, lines = context.window_manager, [*filter(None, [head]), *lines]
         self.report({"INFO"}, ". ".join(lines))
         rated = by_harm(warnings)
-        for warning in reversed(rated):  # the status bar shows the last report
-            self.report({"INFO" if warning.harm is NOTE else "WARNING"}, in_window(warning)[0])
+        told = [("INFO" if one.harm is NOTE else "WARNING", in_window(one)[0]) for one in reversed(rated)]
+        told += [("WARNING", in_window(reason)[0]) for reason in left_out]
+        for number, (kind, text) in enumerate(told, 1):  # the status bar shows the last report
+            self.report({kind}, f"{head}. {text}" if head and number == len(told) else text)
         warnings = [in_window(warning)[0] for warning in rated]
         manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
 

@@ -19,7 +19,7 @@ from .modal import QuickOperator
 from .properties import Named
 from .results import Batch
 from .sets import ImprintSet
-from .texts import labeled, message
+from .texts import labeled
 
 
 def _active(context: bpy.types.Context) -> ImprintSet:
@@ -325,11 +325,6 @@ class IMPRINT_OT_bake_sets(BakeOperator, bpy.types.Operator):
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[Several]:
         return (yield from bake_sets(context, chosen(context, self.name), pace, changed=self.changed))
 
-    def finish(self, context: bpy.types.Context, result: Several) -> None:
-        super().finish(context, result)
-        if not result.reports:
-            self.report({"INFO"}, message("Nothing has changed: all maps show the scene as it is"))
-
 
 def chosen(context: bpy.types.Context, name: str) -> list[tuple[SetJob, Wants]]:
     """The set of this name, or all that are on, as they are baked. Raises BakeError if there is none."""
@@ -352,7 +347,8 @@ def bake_sets(
 
     changed: only parts whose maps are not those of the scene as it is, which may be none.
     """
-    done = Several([], [one for set_job, _ in chosen for one in set_job.left_out])
+    parts = sum(len(set_job.wanted()) + sum(map(bool, dict(set_job.left_out))) for set_job, _ in chosen)
+    done = Several([], [one for set_job, _ in chosen for one in set_job.left_out], parts)
 
     def noted(step: Progress) -> Progress:
         done.reports.extend([step.report] if step.report else [])

@@ -136,6 +136,32 @@ def test_bake_changed_bakes_these_alone(props, tmp_path):
     assert {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("*.png")} == after
 
 
+def test_what_was_baked_stands_before_warnings(props, capsys):
+    def told():
+        capsys.readouterr()
+        bake(changed=True)
+        return bpy.context.window_manager.imprint_summary.split("\n"), capsys.readouterr().out.strip().split("\n")
+
+    baked()
+    bpy.data.objects["lamp_low"].data.uv_layers[0].uv[0].vector = (0.4, 0.4)  # a warning of the bake
+    bpy.data.objects["lamp_low"].data.update_tag()
+    lines, reports = told()
+    assert lines[0] == "Baked 1 of 3 parts: lamp_low"
+    assert reports[-1].startswith("Warning: Baked 1 of 3 parts: lamp_low. 'lamp_")
+    lines, reports = told()
+    assert lines == ["Nothing has changed: all maps show the scene as it is"]
+    assert reports == [f"Info: {lines[0]}"]
+    grow("wheel")
+    bpy.data.objects["door_low"].imprint_is_baked = False
+    lines, reports = told()
+    assert lines[0] == "Baked 1 of 2 parts: wheel_low"
+    bpy.data.objects["lamp_low"].data.uv_layers.remove(bpy.data.objects["lamp_low"].data.uv_layers[0])
+    grow("wheel")
+    lines, reports = told()
+    assert lines[0] == "Baked 1 of 2 parts: wheel_low"
+    assert reports[-1].startswith("Warning: Baked 1 of 2 parts: wheel_low. 'lamp_")
+
+
 EDITS = {
     "mesh": lambda: grow("door"),
     "move high": lambda: setattr(bpy.data.objects["door_high"].location, "z", 0.2),
