@@ -69,7 +69,7 @@ def look(
         if is_true(job, state, settings, "record", **shared):
             reports += own
             states[name] = state
-        elif not is_true(job, of_window.get(name, ""), its_settings, "window", **in_window):
+        elif options.export or not is_true(job, of_window.get(name, ""), its_settings, "window", **in_window):
             continue
         lows.add(job.low_ref.uid)
     is_whole = options.export or options.save_blend  # a file of all low objects

@@ -106,6 +106,7 @@ class SceneSet:
         is_on: Whether Bake All Sets bakes it.
         settings: As the scene has them.
         output: The path of its files, absolute; empty if it stores its maps in the .blend.
+        export: The path of its mesh files, absolute; empty for none. LOW in it stands for each low object.
         share_image: As jobs.sets.SetJob has it.
         problem: Why nothing of it can be baked, in a sentence.
         left_out: Sentences about parts that cannot be baked.
@@ -119,6 +120,7 @@ class SceneSet:
     parts: tuple[Part, ...]
     settings: Settings
     output: str = ""
+    export: str = ""
     share_image: bool = False
     is_on: bool = True
     problem: str = ""
@@ -135,7 +137,7 @@ class SceneSet:
             output, image = (fill_low(text, self.name, suffix) for text in (output, image))
         keys = keys_of(self.settings.stored(output=output, image=image))
         head = {"file": [file], "scene": self.scene, "name": self.name, "part": [part.table for part in self.parts]}
-        return head | keys
+        return head | keys | ({"export": self.export} if self.export else {})
 
 
 def keys_of(settings: Settings) -> dict[str, Any]:

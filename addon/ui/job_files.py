@@ -166,8 +166,9 @@ def _take(context: bpy.types.Context, made: JobSet, folder: Path) -> ImprintSet:
     one.textures = "MATERIAL" if made.settings.map.texture_sets else "ONE" if made.share_image else "PART"
     output = bpy.path.relpath(str(folder / made.settings.storing.output)) if bpy.data.filepath else ""
     declared_properties.put_settings(one.own.whole, made.settings.stored(output=output or made.settings.storing.output))
-    if made.export:
-        one.own.export = bpy.path.relpath(str(folder / made.export))
+    export = bpy.path.relpath(str(folder / made.export)) if made.export else ""
+    if export != one.own.whole.export:
+        one.own.export = export
     for part, low, highs, cage in jobs:
         put_part(one, low)
         if part.low not in made.by_name:

@@ -33,7 +33,9 @@ def describe(one: sets.ImprintSet) -> SceneSet:
     """A set of the scene that is shown."""
     scene, settings = one.id_data.name, one.settings
     output = map_names.output_for(settings) if settings.storing.storage == Storage.FILE else ""
-    usual = {"settings": settings, "output": bpy.path.abspath(output) if output else "", "is_on": one.is_on}
+    usual = {"settings": settings, "is_on": one.is_on}
+    paths = {"output": output, "export": one.own.whole.export}
+    usual |= {name: bpy.path.abspath(path) for name, path in paths.items() if path}
     try:
         made = sets.resolve(bpy.context, one)
     except BakeError as error:

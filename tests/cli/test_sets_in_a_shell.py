@@ -86,8 +86,8 @@ def in_window(*names):
     return contents()
 
 
-def contents(folder="maps"):
-    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob("*.png"))}
+def contents(folder="maps", ending="png"):
+    return {path.name: path.read_bytes() for path in sorted(Path(folder).glob(f"*.{ending}"))}
 
 
 def run(*words, code=0):
@@ -109,6 +109,28 @@ def test_files_are_those_of_the_window(props):
     shutil.rmtree("maps")
     run("props.blend", *(word for name in names for word in ("--set", name)))
     assert contents() == before
+
+
+@pytest.mark.parametrize("name", ["Crate", "Atlas"])
+@pytest.mark.parametrize("is_own", [True, False])
+def test_meshes_are_those_of_the_window(props, name, is_own):
+    scene = bpy.context.scene
+    (scene.imprint_sets[name].own if is_own else scene.imprint).export = "//meshes/{low}.glb"
+    scene.imprint.bakes, scene.imprint.active_set = "SETS", scene.imprint_sets.find(name)
+    bpy.ops.wm.save_mainfile()
+    results.remember(window_reports(name))
+    for low in LOWS:
+        bpy.context.view_layer.objects.active = bpy.data.objects[low]
+        assert bpy.ops.imprint.export() == {"FINISHED"}
+    before = contents("meshes", "glb")
+    assert [*before] == ["bolt_low.glb", "crate_low.glb", "lid_low.glb"]
+    shutil.rmtree("meshes")
+    run("props.blend", "--set", name)
+    assert contents("meshes", "glb") == before
+    shutil.rmtree("meshes")
+    run("props.blend", "--set", name, "--export", "other/{low}.glb", "--force")
+    assert [*contents("other", "glb")] == [*before]
+    assert not (props / "meshes").exists()
 
 
 def test_a_star_takes_the_sets_that_are_on(props):
@@ -386,6 +408,15 @@ def test_changed_knows_what_the_window_has_baked(props):
     assert changed() == (["crate_low"], "done", ["crate_low"])
     assert changed() == ([], "resumed", ["crate_low"])
     assert changed("--output", "out/{low}.png") == (["crate_low", "lid_low", "bolt_low"], "done", LOWS)
+
+
+def test_changed_writes_meshes_that_the_window_has_not(props):
+    bpy.context.scene.imprint_sets["Crate"].own.export = "//meshes/{low}.glb"
+    results.remember(window_reports("Crate"))
+    bpy.ops.wm.save_mainfile()
+    for state in ("done", "resumed"):
+        assert changed()[1:] == (state, LOWS)
+        assert len(contents("meshes", "glb")) == len(LOWS)
 
 
 def window_reports(name):

@@ -164,6 +164,18 @@ def test_paths_start_at_the_job_file(props, tmp_path):
     assert (table["file"], table["output"]) == (["../prop.blend"], "../maps/{low}_normal.png")
 
 
+@pytest.mark.parametrize("scene_has", ["", "//scene.glb"])
+@pytest.mark.parametrize("export", ["", "//meshes/{low}.glb"])
+def test_the_mesh_file_of_a_set_stays(props, tmp_path, scene_has, export):
+    props.own.export = export
+    bpy.context.scene.imprint.export = scene_has
+    path = tmp_path / "jobs" / "all.toml"
+    there_and_back(path)
+    assert sets.active(bpy.context).own.whole.export == export
+    (table,) = job_files.read(path)
+    assert table.get("export", "") == export.replace("//", "../")
+
+
 def test_a_set_that_stores_in_the_blend_gets_files(props, tmp_path):
     props.own.storage, props.own.depth = "PACK", "32"
     assert bpy.ops.imprint.sets_to_job_file(filepath=str(tmp_path / "all.toml")) == {"FINISHED"}
