@@ -368,12 +368,21 @@ def _draw_set(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Rows
     bake_queue.draw(layout, context)
 
 
+NARROW = 0.24
+"""The share of the name of a setting whose values are long."""
+
+
 def _draw_settings(layout: bpy.types.UILayout, rows: Rows) -> None:
     """The settings that each bake needs."""
     column = split_layout(layout.column())
     column.enabled = display.current is None
-    row = column.row(align=True)
-    row.prop(rows.owner("engine"), "engine")
+    row = column.row(align=True).split(factor=NARROW, align=True)
+    row.use_property_split = False
+    name = row.row()
+    name.alignment = "RIGHT"
+    name.label(text=label("Engine"), translate=False)
+    row = row.row(align=True)
+    row.prop(rows.owner("engine"), "engine", text="")
     row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
     rows.pin(row, "engine")
     draw_size(column, rows)

@@ -19,7 +19,7 @@ from .modal import QuickOperator
 from .properties import Named
 from .results import Batch
 from .sets import ImprintSet
-from .texts import labeled
+from .texts import label, labeled, tooltip
 
 
 def _active(context: bpy.types.Context) -> ImprintSet:
@@ -297,6 +297,15 @@ class IMPRINT_OT_set_own(SetOperator, bpy.types.Operator):
         "Name of the setting; empty to give all own settings back to the scene",
         options={"SKIP_SAVE"},
     )
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """For all settings, which these are; else Blender's, which is the first line above."""
+        one = sets.active(context)
+        if properties.setting or one is None:
+            return ""
+        shown = dict.fromkeys(label(one.own.bl_rna.properties[name].name) for name in one.own.names_of_own())
+        return tooltip("Give all settings that are the set's own back to the scene: {}").format(", ".join(shown))
 
     def apply(self, context: bpy.types.Context) -> str:
         one = _active(context)

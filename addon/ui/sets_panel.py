@@ -59,6 +59,7 @@ class IMPRINT_MT_sets(bpy.types.Menu):
         layout.operator(
             "imprint.set_move", text=label("Move Down"), translate=False, icon="TRIA_DOWN"
         ).direction = "DOWN"
+        _draw_own(layout, sets.active(context))
         layout.separator()
         text = label("Set of All Pairs by Name")
         layout.operator("imprint.set_add", text=text, translate=False, icon="OUTLINER_OB_FONT").by_name = True
@@ -67,6 +68,14 @@ class IMPRINT_MT_sets(bpy.types.Menu):
         layout.operator("imprint.sets_from_job_file", icon="IMPORT")
         if flamenco_address(context):
             layout.operator("imprint.send_to_flamenco", icon="EXPORT")
+
+
+def _draw_own(layout: bpy.types.UILayout, one: ImprintSet | None) -> None:
+    """The entry that gives all settings that are the set's own back to the scene."""
+    row = layout.row()
+    row.enabled = one is not None and bool(one.own.names_of_own())
+    text = label("Use the Scene's Settings")
+    row.operator("imprint.set_own", text=text, translate=False, icon="LOOP_BACK").setting = ""
 
 
 class IMPRINT_MT_part_highs(bpy.types.Menu):
@@ -121,10 +130,8 @@ def draw_lists(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Row
     _draw_part(layout.column(align=True), context, one)
     layout.row(align=True).prop(one, "textures", expand=True)
     row = layout.row()
-    part = row.row()
-    part.enabled = one.textures != "PART"
-    part.operator("imprint.pack_uvs", icon="GROUP_UVS")
-    rows.draw_own(row)
+    row.enabled = one.textures != "PART"
+    row.operator("imprint.pack_uvs", icon="GROUP_UVS")
 
 
 def _draw_parts(layout: bpy.types.UILayout, context: bpy.types.Context, one: ImprintSet) -> None:

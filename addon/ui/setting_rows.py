@@ -11,7 +11,6 @@ from ..core.settings import Settings
 from . import object_pairs, set_lists, sets
 from .declared_properties import length_name
 from .properties import Chosen
-from .texts import message
 
 PIN = {True: "PINNED", False: "UNPINNED"}
 OF_PAIRS = (*object_pairs.CHOSEN, "cage")
@@ -91,11 +90,3 @@ class Rows:
         if self.set is not None:
             icon = PIN[self.set.is_own(name)]
             layout.operator("imprint.set_own", text="", icon=icon, emboss=False).setting = name
-
-    def draw_own(self, layout: bpy.types.UILayout) -> None:
-        """The button that gives all settings that are the set's own back to the scene, with their number."""
-        number = len(self.set.own.names_of_own())
-        row = layout.row()
-        row.enabled = bool(number)
-        text = message("1 own setting") if number == 1 else message("{} own settings").format(number)
-        row.operator("imprint.set_own", text=text, icon="LOOP_BACK", translate=False).setting = ""

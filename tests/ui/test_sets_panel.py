@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from addon.core.settings import PART_OF
-from addon.ui import bake_panel, object_pairs, set_lists, sets, settings_panels
+from addon.ui import bake_panel, object_pairs, set_lists, set_operators, sets, settings_panels
 from addon.ui.setting_rows import MADE, Rows
 from scripts.dev import presses
 from tests.support import panel_layout, zoo
@@ -83,6 +83,25 @@ def test_all_own_settings_go_back_by_one_press(crate):
     assert crate.own.names_of_own() == []
 
 
+def test_the_menu_of_sets_gives_all_own_settings_back_and_names_them(crate):
+    def entry():
+        assert not [text for text in main(width=2000).labels if "own setting" in text]
+        layout = panel_layout.Layout()
+        bpy.types.IMPRINT_MT_sets.draw(SimpleNamespace(layout=layout), bpy.context)
+        return ("imprint.set_own", True) in layout.drawn.buttons
+
+    def described(setting):
+        return set_operators.IMPRINT_OT_set_own.description(bpy.context, SimpleNamespace(setting=setting))
+
+    assert not entry()
+    for name in ("margin", "size"):
+        bpy.ops.imprint.set_own(setting=name)
+    assert entry()
+    assert described("").startswith("Give all settings that are the set's own back to the scene: ")
+    assert {"Margin", "Width", "Height"} <= set(described("").partition(": ")[2].split(", "))
+    assert described("margin") == ""
+
+
 def test_the_maps_of_a_set_are_one_setting(crate):
     bpy.ops.imprint.set_own(setting="maps")
     assert Rows(bpy.context).owner("maps") == crate.own
@@ -130,6 +149,7 @@ def test_the_head_says_what_the_panel_bakes(crate):
     drawn = main(width=2000)
     assert drawn.order[0] == "bakes"
     assert [name for name, _ in drawn.rows] == ["imprint_sets", "parts"]
+    assert "Engine" in drawn.labels  # beside its field, so that long names are not cut
     assert "Bakes 2 parts: 32 x 32, an image for each part." in drawn.text
     baked = [vars(given) for name, given in drawn.given if name == "imprint.bake_sets" and vars(given)]
     assert baked == [{"name": crate.name}, {"name": crate.name, "changed": True}]
