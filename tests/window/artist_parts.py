@@ -194,6 +194,7 @@ def part_results() -> Steps:
     check("three results", ordered == ["a_low", "b_low", "c_low"])
     wrong_ones = [low.name for low, found in results.of_scene(bpy.context) if any(one.warnings for one in found)]
     check("the moved one is wrong", wrong_ones == ["b_low"])
+    bpy.context.scene.imprint.bakes = "SELECTION"  # the list of parts has such a button, too
     yield from press("imprint.select_result")  # the first row
     check("a click selects the wrong one", bpy.context.object.name == "b_low")
     whole, viewport, _ = window.view()
@@ -625,7 +626,7 @@ def part_daily_batch() -> Steps:
     seven()
     yield from task("batch of seven, find the wrong two", by_names(), press("imprint.bake_sets"), finished())
     check("the wrong ones are named", len(results.batch().left_out) == 2)
-    yield from find("imprint.bake")
+    yield from find("imprint.bake_sets")
     picture("batch")
 
 
