@@ -255,11 +255,15 @@ def find_in_layout(low: Mesh, settings: Settings) -> list[Finding]:
         values = {"low": name, "count": check["count"], "where": where, "share": check["cut_off"]}
         fits_udim = check["fits_udim"] and sampling.wrap == Wrap.NONE
         found.append(Finding(OUTSIDE, severity.OUTSIDE, values, fits_udim))
-    tiles = (sampling.tiles or uv_layout.tiles(low))[:MOST_TILES] if sampling.udim else (udim.FIRST,)
-    check = uv_checks.rough_overlap(low, tiles)
+    check = uv_checks.rough_overlap(low, tiles_of(low, sampling))
     if severity.rate("overlap", check, settings) == severity.WRONG:
         found.append(Finding(OVERLAP, severity.OVERLAP, {"low": name, "share": check["share"]}))
     return found
+
+
+def tiles_of(low: Mesh, sampling: SamplingSettings) -> Sequence[int]:
+    """The UDIM tiles of a low mesh that are looked at."""
+    return (sampling.tiles or uv_layout.tiles(low))[:MOST_TILES] if sampling.udim else (udim.FIRST,)
 
 
 def _polygons(low: Mesh, name: str) -> Finding | None:

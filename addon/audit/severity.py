@@ -13,6 +13,8 @@ from ..core.settings import Settings
 
 GOOD = "GOOD"
 
+SHARED = "shared"
+"""The kind of sentences about texels that several objects have in one image."""
 MUCH_OVERLAP = 1e-3
 """Share of texels that triangles may share without harm: decimation leaves a few slivers."""
 MANY_DIFFERENT = 1e-2

@@ -22,6 +22,8 @@ from .pair_checks import viewport_flipped
 
 UNWRAP = "UNWRAP"
 """What `fix` does for an object without UVs."""
+PACK = "PACK"
+"""The operator that packs the UV maps of several objects, as a button of a sentence."""
 
 
 def soften(data: bpy.types.Mesh, soft: np.ndarray, hard: np.ndarray) -> int:

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is wrong with a low object before a bake, and what the high objects are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..audit import before_bake
+from ..audit import before_bake, severity
 from ..audit.before_bake import LAYER, OUTSIDE, OVERLAP, POLYGONS, Faces, Finding
 from ..core.declarations.choices import ExactMaterials, Modifiers
 from ..core.errors import shorten_list
@@ -21,18 +22,20 @@ from ..core.settings import MapSettings, SamplingSettings, Settings
 from ..engine import gpu_memory, high_look, own_hits
 from ..engine.high_look import HighLook
 from ..engine.planning import Plan
+from ..mesh import uv_overlap
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import diagonal, transformed
 from ..scene import mesh_reader, object_checks, poses, traced_sides
-from ..scene.high_materials import Itself, MaterialNumbers
+from ..scene.high_materials import Itself, MaterialNumbers, sets_of
 from ..scene.materials.material_reading import NORMAL
 from ..scene.textures import ImageTextures
 from ..scene.traced_sides import Surface
 from . import material_inputs
 from .job import Job, Request, check_job, read_meshes
 
+SHARED = severity.SHARED
 OF_LAYOUT = (OUTSIDE, OVERLAP)
 """The kinds that matter wherever the map is used."""
 SOLVED_BY_EXPORT = (POLYGONS, LAYER)
@@ -90,18 +93,59 @@ def viewport_findings(
 
     Empty in other modes than Object Mode, where its mesh is out of date, and for meshes that take long.
     """
+    with _viewport_low(context, low, settings, is_own_base=is_own_base) as read:
+        if read is None:
+            return []
+        mesh, layer, _ = read
+        return [*before_bake.find_in_layout(mesh, settings), *mesh_findings(mesh, low, layer, settings.sampling)]
+
+
+def viewport_cover(
+    context: bpy.types.Context, low: bpy.types.Object, settings: Settings, *, is_own_base: bool
+) -> dict[tuple[str, int], np.ndarray]:
+    """The texels that a low object has in each image that others may share, as uv_overlap.covered has them, by the material,
+    empty without texture sets, and the UDIM tile. is_own_base, and when it is empty: as in `viewport_findings`."""
+    with _viewport_low(context, low, settings, is_own_base=is_own_base) as read:
+        if read is None:
+            return {}
+        mesh, _, data = read
+        parts = {"": mesh}
+        if settings.map.texture_sets:
+            slots = mesh_reader.material_slots(data, mesh, max(1, len(low.material_slots)))
+            sets = sets_of(low, is_own_base=is_own_base)
+            parts = {one.name: mesh.with_triangles(np.isin(slots, one.slots)) for one in sets}
+        covers = {
+            (name, tile): uv_overlap.covered(part, tile)
+            for name, part in parts.items()
+            for tile in before_bake.tiles_of(part, settings.sampling)
+        }
+        return {image: bits for image, bits in covers.items() if bits is not None}
+
+
+def lost_shares(covers: Sequence[dict[tuple[str, int], np.ndarray]]) -> list[float]:
+    """The share of the texels of each low object that others of them have in the same images, too; 0 where it does no harm.
+    covers: of each, as `viewport_cover` returns it."""
+    return [share if share > severity.MUCH_OVERLAP else 0.0 for share in uv_overlap.shares_of_others(covers)]
+
+
+@contextmanager
+def _viewport_low(
+    context: bpy.types.Context, low: bpy.types.Object, settings: Settings, *, is_own_base: bool
+) -> Iterator[tuple[Mesh, str, bpy.types.Mesh] | None]:
+    """The low mesh as the viewport shows it, the UV map of the bake, and what it was read from. None: see
+    `viewport_findings`."""
     if low.mode != "OBJECT":
-        return []
+        yield None
+        return
     depsgraph = context.evaluated_depsgraph_get()
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         layers = data.uv_layers
         layer = settings.map.uv_layer or (mesh_reader.active_uv_layer(data) if layers else "")
         if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
-            return []
+            yield None
+            return
         mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
-        if not len(mesh.triangles):
-            return []
-        return [*before_bake.find_in_layout(mesh, settings), *mesh_findings(mesh, low, layer, settings.sampling)]
+        yield (mesh, layer, data) if len(mesh.triangles) else None
 
 
 def flipped_findings(plan: Plan, timings: Timings) -> list[Finding]:

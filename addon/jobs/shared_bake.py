@@ -10,7 +10,7 @@ import numpy as np
 
 from ..audit import severity
 from ..core import progress
-from ..core.errors import BakeError, shorten_list
+from ..core.errors import PACKS, BakeError, shorten_list
 from ..core.map_types import BY_NAME, MARGIN, MISSED, NORMAL, Labeled, Map
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
@@ -253,10 +253,10 @@ class Atlas:
             )
         if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
             text = (
-                f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: move their UVs "
-                "apart, or bake a map for each with {low} in the name."
+                f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: {PACKS}, or bake "
+                "a map for each with {low} in the name."
             )
-            self._warnings[0].append(Sentence(text, WRONG))
+            self._warnings[0].append(Sentence(text, WRONG, severity.SHARED))
         return is_covered
 
     def _lay_over(self, tile: int, above: dict[str, np.ndarray]) -> None:
@@ -269,12 +269,12 @@ class Atlas:
             low, *before = [drawn.request.job.low for drawn in self.drawn[::-1]]
             same = [repr(other.name) for other in before if other.data == low.data]
             whose = f"{shorten_list(same)}, which have the same mesh" if same else "other objects in the same image"
-            apart = "make it a single user and pack the UV maps" if same else "move their UVs apart"
+            apart = "make it a single user and pack the UV maps" if same else PACKS
             text = (
-                f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with {{low}} in "
-                "the name."
+                f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with "
+                "{low} in the name."
             )
-            self._warnings[-1].append(Sentence(text, WRONG))
+            self._warnings[-1].append(Sentence(text, WRONG, severity.SHARED))
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():
             np.copyto(below[name], values, where=wins[..., None])

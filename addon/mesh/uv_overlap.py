@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counts on the CPU how many texels of a coarse map two or more triangles share, for what a panel says before a bake."""
+"""Counts on the CPU how many texels of a coarse map triangles or meshes share, for what a panel says before a bake."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +21,40 @@ INSIDE = 1e-6
 
 def shared(mesh: Mesh, tile: int = udim.FIRST, side: int = SIDE) -> tuple[int, int]:
     """How many of side * side texels of a UDIM tile have a triangle at their center, and how many of these have two or more."""
+    counts = _counts(mesh, tile, side)
+    if counts is None:
+        return shared(mesh, tile, side // 2)
+    return int(np.count_nonzero(counts)), int(np.count_nonzero(counts > 1))
+
+
+def covered(mesh: Mesh, tile: int = udim.FIRST) -> np.ndarray | None:
+    """Which of SIDE * SIDE texels of a UDIM tile have a triangle at their center, as bits, uint8; None if that takes long."""
+    counts = _counts(mesh, tile, SIDE)
+    return np.packbits(counts > 0) if counts is not None else None
+
+
+def shares_of_others(covers: Sequence[Mapping[Any, np.ndarray]]) -> list[float]:
+    """The share of the texels of each mesh that others have, too. covers: of each, its bits by image, as `covered` has them."""
+    once: dict[Any, np.ndarray] = {}
+    twice: dict[Any, np.ndarray] = {}
+    for cover in covers:
+        for image, bits in cover.items():
+            before = once.get(image, np.zeros_like(bits))
+            twice[image] = twice.get(image, np.zeros_like(bits)) | (before & bits)
+            once[image] = before | bits
+    sums = (
+        (sum(_number(bits & twice[image]) for image, bits in cover.items()), sum(map(_number, cover.values())))
+        for cover in covers
+    )
+    return [shared / max(1, own) for shared, own in sums]
+
+
+def _number(bits: np.ndarray) -> int:
+    return int(np.count_nonzero(np.unpackbits(bits)))
+
+
+def _counts(mesh: Mesh, tile: int, side: int) -> np.ndarray | None:
+    """How many triangles are at the center of each texel (side * side,); None if that takes long."""
     corners = (mesh.uv[mesh.triangles].astype(np.float64) - udim.place(tile)) * side
     with np.errstate(invalid="ignore"):
         first = np.clip(np.ceil(corners.min(axis=1) - 0.5), 0.0, side)
@@ -26,14 +63,14 @@ def shared(mesh: Mesh, tile: int = udim.FIRST, side: int = SIDE) -> tuple[int, i
     sides[~np.isfinite(sides).all(axis=1)] = 0.0
     number = sides.prod(axis=1).astype(np.int64)
     if number.sum() > MOST_PAIRS and side > 1:
-        return shared(mesh, tile, side // 2)
+        return None
     chosen = np.flatnonzero(number)
     ends = np.cumsum(number[chosen])
     counts = np.zeros(side * side, np.int64)
     most = int(ends[-1]) if len(ends) else 0
     for block in np.split(chosen, np.searchsorted(ends, range(PAIRS_AT_ONCE, most, PAIRS_AT_ONCE))):
         counts += _counted(corners[block], first[block].astype(int), sides[block].astype(int), side)
-    return int(np.count_nonzero(counts)), int(np.count_nonzero(counts > 1))
+    return counts
 
 
 def _counted(corners: np.ndarray, first: np.ndarray, sides: np.ndarray, side: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..core import preflight
+from ..core import naming, preflight
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import Fix, shorten_list
 from ..core.sentences import LOOK, NOTE, WRONG, Sentence, rated
@@ -51,7 +51,7 @@ class _Kept:
 
     key: tuple
     """What it was found for."""
-    found: list
+    found: list | dict
     follows: frozenset[int] = frozenset()
     """The session_uid of the objects and meshes whose changes make it old."""
     if_moved: bool = True
@@ -68,7 +68,7 @@ class PanelFindings:
         """How often a mesh was looked at."""
         self._kept: dict[tuple[str, int], _Kept] = {}
         """By the name of the check and the session_uid of the low object; that of the panel alone has 0."""
-        self._asked: dict[tuple[str, int], Callable[[], list | None]] = {}
+        self._asked: dict[tuple[str, int], Callable[[], list | dict | None]] = {}
         """What is to be looked at; it gives None where that cannot be done now."""
         self._is_looking = False
         self._timer = Timer(self.look)
@@ -196,7 +196,12 @@ class PanelFindings:
         if low.type == "MESH" and (kept is None or kept.key[-1] != sets.whole(context).udim):
             self._ask(("low", low.session_uid), partial(self._look_at, ObjectRef.of(low)))
         found = [_told(one) for one in kept.found if one.kind in pair_checks.OF_LAYOUT] if kept is not None else []
-        found += [told for told in self._past(context, low) if kept is None or told.kind not in CHECKED]
+        cover = self._kept.get(("cover", low.session_uid))
+        looked_at = (
+            *(CHECKED if kept is not None else ()),
+            *((pair_checks.SHARED,) if cover is not None and cover.is_known else ()),
+        )
+        found += [told for told in self._past(context, low) if told.kind not in looked_at]
         worst = min(found, key=BY_RANK, default=None)
         return worst if worst is not None and worst.harm is not NOTE else None
 
@@ -212,6 +217,56 @@ class PanelFindings:
 
         key = self.looks, sets.whole(context).udim, bpy.app.translations.locale
         return until_change.get(f"told of {name}", key, find)
+
+    def of_set(self, context: bpy.types.Context, one: sets.ImprintSet) -> list[Told]:
+        """As `of_several`, of the active set, after what its parts do to each other in images that they share."""
+        told = self.of_several(context, one.name, lambda: sets.lows(context, one))
+        if one.textures == "PART":
+            return told
+
+        def find() -> list[Told]:
+            lows = [low for low in sets.lows(context, one) if low.imprint_is_baked and low.type == "MESH"]
+            return self._lying_over(lows, one.settings)
+
+        whole, locale = sets.whole(context), bpy.app.translations.locale
+        key = self.looks, one.textures, whole.udim, whole.uv_layer, locale
+        return [*until_change.get(f"overlaps of {one.name}", key, find), *told]
+
+    def _lying_over(self, lows: list[bpy.types.Object], settings: Settings) -> list[Told]:
+        """Which of low objects that share images have the same texels there, once all were looked at."""
+        covers = [self._cover(low, settings) for low in lows]
+        if not all(self._kept["cover", low.session_uid].is_known for low in lows):
+            return []
+        shares = zip(lows, pair_checks.lost_shares(covers), strict=True)
+        wrong = {low.name: share for low, share in shares if share}
+        if not wrong:
+            return []
+        text = message("The UVs of {} lie over one another in the image that they share: pack them side by side.")
+        names = shorten_list(map(repr, wrong))
+        return [Told(text.format(names), WRONG, pair_checks.SHARED, max(wrong.values()), (fixes.PACK,))]
+
+    def _cover(self, low: bpy.types.Object, settings: Settings) -> dict:
+        """What pair_checks.viewport_cover finds for a low object, soon after it was asked for first."""
+        ref = ObjectRef.of(low)
+
+        def find() -> dict:
+            self.looks += 1
+            found, context = ref.find(), bpy.context
+            if found is None:
+                return {}
+            is_own_base = found in context.scene.imprint.alone(context, found).highs
+            return pair_checks.viewport_cover(context, found, settings, is_own_base=is_own_base)
+
+        uids, map_settings, sampling = (low.session_uid, low.data.session_uid), settings.map, settings.sampling
+        slots = (slot.material for slot in low.material_slots if map_settings.texture_sets)
+        materials = tuple(naming.of_material(material) if material else "" for material in slots)
+        layer = map_settings.uv_layer or pair_checks.active_layer(low)
+        key = (*uids, low.mode, layer, map_settings.texture_sets, sampling.udim, sampling.tiles, materials)
+        return self._known("cover", key, frozenset(uids), find=find, if_moved=False, uid=uids[0], is_later=True)
+
+    def is_wrong(self, context: bpy.types.Context, low: bpy.types.Object) -> bool:
+        """Whether the last bake of a low object has found that its maps are wrong."""
+        return any(told.harm is WRONG for told in self._past(context, low))
 
     def _past(self, context: bpy.types.Context, low: bpy.types.Object) -> list[Told]:
         """What the last bake of a low object has found."""
@@ -272,11 +327,11 @@ class PanelFindings:
         key: tuple,
         follows: frozenset[int],
         *,
-        find: Callable[[], list],
+        find: Callable[[], list | dict],
         if_moved: bool = True,
         uid: int = 0,
         is_later: bool = False,
-    ) -> list:
+    ) -> list | dict:
         """What was found the last time for the same key, or else what `find` finds: now, or later and nothing now.
 
         The others: as in _Kept and in `_kept`.
@@ -292,7 +347,7 @@ class PanelFindings:
                 self._ask(place, partial(self._find_again, place, key, find))
         return kept.found
 
-    def _find_again(self, place: tuple[str, int], key: tuple, find: Callable[[], list]) -> None:
+    def _find_again(self, place: tuple[str, int], key: tuple, find: Callable[[], list | dict]) -> None:
         """Find what `_known` left for later, unless the objects have changed since."""
         kept = self._kept.get(place)
         if kept is not None and kept.key == key:

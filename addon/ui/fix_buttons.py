@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..core.declarations.choices import Storage
-from ..core.errors import UNWRAPS, BakeError, Fix, in_window, shorten_list
+from ..core.errors import PACKS, UNWRAPS, BakeError, Fix, in_window, shorten_list
 from ..core.sentences import LOOK, NOTE, RANKS, WRONG, Harm, Sentence, gist
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
@@ -179,7 +179,7 @@ class Told:
         text: In the language of the interface, without what fixes it in a shell.
         harm: How much it tells of.
         kind, share: What it is about, and of how much, as Sentence has them.
-        fixes: Keys of FIXES: its buttons.
+        fixes: Its buttons: keys of FIXES, or fixes.PACK.
         lows: The names of the low objects that it is true of; empty for that of the panel.
     """
 
@@ -195,7 +195,9 @@ class Told:
         """A sentence of a report, a check or an error."""
         sentence = Sentence.of(sentence)
         text, fix = in_window(sentence)
-        kinds = filter(None, (fixes.UNWRAP if UNWRAPS in sentence else "", fix))
+        kinds = filter(
+            None, (fixes.UNWRAP if UNWRAPS in sentence else "", fixes.PACK if PACKS in sentence else "", fix)
+        )
         return cls(message(text), sentence.harm, sentence.kind, sentence.share, tuple(kinds))
 
     @property
@@ -252,7 +254,11 @@ def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: s
 
 
 def draw_button(layout: bpy.types.UILayout, kind: str, *lows: str) -> None:
-    """The button of a kind of FIXES. lows: the names of the low objects that it is for; none for that of the panel."""
+    """The button of a kind of FIXES, or that of fixes.PACK. lows: the names of the low objects that it is for; none for that of
+    the panel."""
+    if kind == fixes.PACK:
+        layout.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = sets.active(bpy.context) is None
+        return
     name, _, icon = FIXES[kind]
     button = layout.operator("imprint.fix", text=label(name), translate=False, icon=icon)
     button.kind = kind

@@ -221,7 +221,7 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
             draw_paragraphs(box, context, [f"{low.name}: {own.text}"], own.icon)
         if object_checks.lacks_uvs(low):
             draw_button(box, fixes.UNWRAP, low.name)
-    draw_list(box, context, findings.of_several(context, one.name, lambda: sets.lows(context, one)))
+    draw_list(box, context, findings.of_set(context, one))
     header, body = box.panel("imprint_set_images", default_closed=True)
     titles = textures(context, one)
     images = first_images(context, rows, titles)

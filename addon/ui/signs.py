@@ -21,6 +21,7 @@ from ..jobs import part_state
 from ..jobs.part_state import Status
 from ..jobs.sets import SetJob
 from . import object_pairs, sets
+from .findings import findings
 from .looks import Asked, Looks, Part, shading
 from .sets import ImprintSet
 from .texts import message
@@ -74,6 +75,8 @@ def _of(context: bpy.types.Context, low: bpy.types.Object, of_set: str) -> Sign:
         return _sign(Status.UNKNOWN, _text(Status.UNKNOWN))
     if seen.problem:
         return _sign(seen.status, in_window(seen.problem)[0])
+    if of_set and seen.status == Status.TRUE and findings.is_wrong(context, low):
+        return _wrong(message("The maps show the scene as it is, and their bake has found something wrong"))
     return _sign(seen.status, _text(seen.status, seen.changes))
 
 
@@ -100,6 +103,12 @@ def _sign(status: Status, text: str) -> Sign:
     return Sign(status, text, ICONS[status])
 
 
+@lru_cache(maxsize=4096)
+def _wrong(text: str) -> Sign:
+    """The sign of maps that are of the scene as it is, but wrong."""
+    return Sign(Status.TRUE, text, "ERROR")
+
+
 def of_set(context: bpy.types.Context, one: ImprintSet) -> Sign:
     """The sign of a set: the worst of its parts that are on, and which of them have it."""
     collection = one.collection.session_uid if one.collection is not None else 0
@@ -118,11 +127,20 @@ def _sign_of_set(context: bpy.types.Context, one: ImprintSet) -> Sign:
         lows = [low for low in sets.lows(context, one) if low.imprint_is_baked]
     except BakeError as error:  # suffixes that are the same
         return _sign(Status.FAILED, in_window(str(error))[0])
+    wrong: list[str] = []
     by_status: dict[Status, list[str]] = {}
     for low in lows:
-        by_status.setdefault(_of(context, low, one.name).status, []).append(repr(low.name))
+        sign = _of(context, low, one.name)
+        by_status.setdefault(sign.status, []).append(repr(low.name))
+        if sign.icon != ICONS[sign.status]:
+            wrong.append(repr(low.name))
     worst = next((status for status in WORST if status in by_status), Status.NEVER)
     names = by_status.get(worst, [])
+    if worst == Status.TRUE and wrong:
+        text = message(
+            "The maps show the scene as it is, and their bake has found something wrong, in {} of {} parts: {}"
+        )
+        return _wrong(text.format(len(wrong), len(lows), shorten_list(wrong, MOST_CHANGES)))
     if len(names) == len(lows) and worst in {Status.TRUE, Status.NEVER, Status.UNKNOWN}:
         return _sign(worst, _text(worst))
     text = {
