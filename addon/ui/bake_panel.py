@@ -18,7 +18,7 @@ from ..jobs.job import check_materials, covers_detail
 from ..output import datablocks, outputs
 from ..scene import evaluation, object_checks
 from ..scene.mesh_elements import weights_problem
-from . import bake_queue, object_pairs, results, sets_panel, several
+from . import bake_queue, object_pairs, results, sets, sets_panel, several
 from .callbacks import until_change
 from .findings import findings
 from .fix_buttons import ICONS, RIGHT, Told, draw_button, draw_fixable, draw_list
@@ -147,7 +147,7 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     factor: labeled(FloatProperty, "Factor", "By how much both sides are scaled", default=1.0, min=0.0, max=64.0)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = Rows(context).owner("width")
+        settings = sets.whole(context)
         factor = self.side / max(settings.width, settings.height) if self.side else self.factor
         # The properties keep each side within its limits.
         settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
@@ -174,12 +174,12 @@ def draw_size(layout: bpy.types.UILayout, rows: Rows) -> None:
     is_square = rows["square"] and rows["width"] == rows["height"]
     column = layout.column(align=True)
     row = column.row(align=True)
-    row.prop(rows.owner("width"), "size" if is_square else "width")
-    row.prop(rows.owner("square"), "square", text="", icon="LINKED" if is_square else "UNLINKED")
+    row.prop(*rows.at_head("size" if is_square else "width"))
+    row.prop(*rows.at_head("square"), text="", icon="LINKED" if is_square else "UNLINKED")
     row.menu(IMPRINT_MT_size.bl_idname, text="", icon="DOWNARROW_HLT")
     rows.pin(row, "size")
     if not is_square:
-        column.prop(rows.owner("height"), "height")
+        column.prop(*rows.at_head("height"))
 
 
 MOST_CHECKED = 4
@@ -382,11 +382,13 @@ def _draw_settings(layout: bpy.types.UILayout, rows: Rows) -> None:
     name.alignment = "RIGHT"
     name.label(text=label("Engine"), translate=False)
     row = row.row(align=True)
-    row.prop(rows.owner("engine"), "engine", text="")
+    row.prop(*rows.at_head("engine"), text="")
     row.popover(panel="IMPRINT_PT_presets", icon="PRESET", text="")
     rows.pin(row, "engine")
     draw_size(column, rows)
-    rows.prop(column, "samples")
+    row = rows.row(column)
+    row.prop(*rows.at_head("samples"))
+    rows.pin(row, "samples")
 
 
 def _draw_button(

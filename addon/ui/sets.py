@@ -19,7 +19,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core import naming
-from ..core.declarations import targets
+from ..core.declarations import kinds, targets
 from ..core.declarations.all_settings import DECLARED, FORMER
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
@@ -31,7 +31,7 @@ from ..jobs.sets import SetJob
 from ..scene import object_checks
 from . import object_pairs
 from .callbacks import events, registering
-from .declared_properties import REACHES, MapList, Options, length_name, map_switch
+from .declared_properties import REACHES, MapList, Options, declared, length_name, map_switch
 from .object_pairs import Slot, is_mesh, with_own
 from .properties import ImprintSettings, Named, WithEngine
 from .texts import labeled
@@ -39,7 +39,7 @@ from .texts import labeled
 NEW = "Set"
 """The name of a set that nothing names."""
 STANDS_FOR = {
-    "size": ("width", "height"),
+    "size": ("width", "square", "height"),
     "names": ("image", "output"),
     "engine": (
         *("engine_name", *targets.CHOICES[targets.OF_SCENE].values),
@@ -90,7 +90,41 @@ _OF_SETS = {*_STORED, *STANDS_FOR}
 """The settings that a set can have of its own."""
 
 
-class ImprintOwn(bpy.types.PropertyGroup, WithEngine, Options, MapList):
+def head_name(name: str) -> str:
+    """The name of the property that shows what counts of a setting of OF_HEAD. To set it makes it the set's own."""
+    return f"{name}_of_head"
+
+
+OF_HEAD = {"width": "size", "height": "size", "square": "size", "samples": "samples"}
+"""The settings at the head of the panel that a set stores, each with the pin that it goes by. Engine and size have made
+values in any case."""
+
+
+def _of_head(name: str, pinned: str) -> Any:
+    """The property head_name(name)."""
+    setting = DECLARED[name]
+    values = [str(value) for value in setting.values] if isinstance(setting, kinds.Choice) else None
+
+    def get(own: "ImprintOwn") -> Any:
+        value = getattr(own.whole, name)
+        return value if values is None else values.index(value)
+
+    def put(own: "ImprintOwn", value: Any) -> None:
+        own.make_own(pinned)
+        setattr(own, name, value if values is None else values[value])
+
+    return declared(name, get=get, set=put)
+
+
+class OfHead:
+    """The settings at the head of the panel, as they count."""
+
+
+# Blender reads properties from the annotations of a class and of its bases.
+OfHead.__annotations__ = {head_name(name): _of_head(name, pinned) for name, pinned in OF_HEAD.items()}
+
+
+class ImprintOwn(bpy.types.PropertyGroup, WithEngine, Options, MapList, OfHead):
     """The settings that are a set's own: those that were set here. The others are the scene's."""
 
     @property
@@ -107,8 +141,10 @@ class ImprintOwn(bpy.types.PropertyGroup, WithEngine, Options, MapList):
 
     def make_own(self, name: str) -> None:
         """Make a setting the set's own, with the value that counts now. A number comes with its switch."""
-        for each in dict.fromkeys(filter(None, (each for one in _behind(name) for each in (_switch(one), one)))):
-            setattr(self, each, getattr(self.whole, each))
+        names = dict.fromkeys(filter(None, (each for one in _behind(name) for each in (_switch(one), one))))
+        values = [(each, getattr(self.whole, each)) for each in names]  # before one of them changes another one
+        for each, value in values:
+            setattr(self, each, value)
 
     def back(self, name: str) -> None:
         """Give a setting back to the scene: a switch with its numbers, and the last number of a switch with it."""

@@ -81,6 +81,13 @@ class Rows:
         row.prop_search(self.owner(name), name, *where, **how)
         self.pin(row, name)
 
+    def at_head(self, name: str) -> tuple[bpy.types.PropertyGroup, str]:
+        """What stores a setting at the head of the panel, and under which name. Set while a set is active, it is the set's own
+        at once: it stands under the set."""
+        if self.set is None:
+            return self._panel, name
+        return self.set.own, sets.head_name(name) if name in sets.OF_HEAD else name
+
     def row(self, layout: bpy.types.UILayout) -> bpy.types.UILayout:
         """What a setting and its pin are drawn into: the layout itself if there are no pins."""
         return layout if self.set is None else layout.row(align=True)

@@ -69,10 +69,40 @@ def test_a_pinned_row_is_that_of_the_set_and_others_are_those_of_the_scene(crate
 def test_the_menu_of_sizes_sets_what_the_row_shows(crate):
     scene = bpy.context.scene.imprint
     assert bpy.ops.imprint.resize(side=64) == {"FINISHED"}
-    assert (scene.width, crate.own.names_of_own()) == (64, [])
-    bpy.ops.imprint.set_own(setting="size")
+    assert (scene.width, crate.settings.sampling.size) == (32, (64, 64))
     assert bpy.ops.imprint.resize(factor=2.0) == {"FINISHED"}
-    assert (scene.width, crate.settings.sampling.size) == (64, (128, 128))
+    assert (scene.width, crate.settings.sampling.size) == (32, (128, 128))
+    scene.bakes = "SELECTION"
+    assert bpy.ops.imprint.resize(side=256) == {"FINISHED"}
+    assert (scene.width, crate.settings.sampling.size) == (256, (128, 128))
+
+
+def test_what_is_set_at_the_head_is_the_sets_own_at_once(crate):
+    scene = bpy.context.scene.imprint
+
+    def put(name, value):
+        owner, stored = Rows(bpy.context).at_head(name)
+        assert getattr(owner, stored) == getattr(scene, name)
+        setattr(owner, stored, value)
+        return getattr(owner, stored)
+
+    for name, value in (("samples", "64"), ("size", 128), ("engine", "Godot")):
+        before = getattr(scene, name)
+        assert put(name, value) == value
+        assert getattr(scene, name) == before
+        assert crate.is_own(name)
+        crate.back(name)
+        assert not crate.is_own(name)
+    scene.height = 16
+    assert put("square", False) is False
+    assert (crate.own.width, crate.own.height, scene.square) == (32, 16, True)
+    crate.own.width_of_head = 64
+    assert crate.settings.sampling.size == (64, 16)
+    crate.own.square_of_head = True
+    assert crate.settings.sampling.size == (64, 64)
+    scene.bakes = "SELECTION"
+    assert Rows(bpy.context).at_head("samples") == (scene, "samples")
+    assert Rows(bpy.context).at_head("width") == (scene, "width")
 
 
 def test_all_own_settings_go_back_by_one_press(crate):
