@@ -98,13 +98,12 @@ UNWRAPS = "Unwrap gives each face a place of its own"
 """A clause of sentences that a window draws with the button Unwrap, too."""
 
 
-PACKS = "Pack UV Maps (--pack-uvs) lays their islands side by side"
+PACKS = "Pack UV Maps lays their islands side by side"
 """A clause of sentences that a window draws with the button Pack UV Maps, too."""
 
 
 def in_window(text: str) -> tuple[str, str]:
     """A sentence as a window shows it, and the name of its Fix; empty if it has none."""
-    text = text.replace(" (--pack-uvs)", "")
     for fix in Fix:
         if fix.in_shell in text:
             return text.replace(f"; {fix.in_shell}", ""), fix.name
