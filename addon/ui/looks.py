@@ -201,9 +201,9 @@ class Looks:
             self._mark(part)
         return seen, part in self._marked
 
-    def progress(self, scene: int) -> tuple[int, int]:
-        """How many parts of a scene are looked at, of how many."""
-        parts = [part for part in self._seen if part.scene == scene]
+    def progress(self, scene: int, of_set: str) -> tuple[int, int]:
+        """How many parts of a set of a scene are looked at, of how many. of_set: as in Part."""
+        parts = [part for part in self._seen if (part.scene, part.of_set) == (scene, of_set)]
         return sum(part not in self._marked for part in parts), len(parts)
 
     # What marks parts

@@ -212,7 +212,7 @@ def draw_box(box: bpy.types.UILayout, context: bpy.types.Context, rows: Rows, pr
     number = len(set_lists.uids(context, one))
     draw_paragraphs(box, context, [describe(rows, number)], "BLANK1")
     sign = signs.of_set(context, one)
-    draw_paragraphs(box, context, [signs.waiting(context) or sign.text], sign.icon)
+    draw_paragraphs(box, context, [signs.waiting(context, one) or sign.text], sign.icon)
     low = set_lists.chosen_low(context)
     if low is not None and low.imprint_is_baked:
         problem, own = set_lists.part_of(context, one, low).problem, signs.of(context, low)

@@ -4,7 +4,7 @@
     signs.of(context, low)            # of a part of the active set; without a set, of the last bake
     signs.of_past(context, low)       # of the last bake, with the settings that it had
     signs.of_set(context, one)
-    signs.waiting(context)            # how far looks are, in a line
+    signs.waiting(context, one)       # how far looks are, in a line
 
 Rows ask while they are drawn, which costs no more than a look-up: looks are made afterwards.
 """
@@ -20,7 +20,7 @@ from ..core.progress import Progress, Task
 from ..jobs import part_state
 from ..jobs.part_state import Status
 from ..jobs.sets import SetJob
-from . import object_pairs, sets
+from . import object_pairs, results, sets
 from .findings import findings
 from .looks import Asked, Looks, Part, shading
 from .sets import ImprintSet
@@ -156,9 +156,11 @@ _of_sets: dict[tuple[int, str], tuple[tuple, Sign]] = {}
 """The signs of sets, by scene and name, each with what it was made of."""
 
 
-def waiting(context: bpy.types.Context) -> str:
-    """How many parts were looked at, in a line; empty if all were."""
-    done, number = looks.progress(context.scene.session_uid)
+def waiting(context: bpy.types.Context, one: ImprintSet) -> str:
+    """How many parts of a set were looked at, in a line; empty if all were, and if no object was ever baked."""
+    done, number = looks.progress(context.scene.session_uid, one.name)
+    if not results.has_any(context):
+        return ""
     return message("Looked at {} of {} parts").format(done, number) if done < number else ""
 
 

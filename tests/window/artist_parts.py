@@ -903,8 +903,9 @@ def counted() -> Steps:
 
 def is_looked_at() -> bool:
     """Whether it is known of all parts of the first set if something has changed."""
-    sign = signs.of_set(bpy.context, bpy.context.scene.imprint_sets[0])
-    return not signs.waiting(bpy.context) and sign.status != "UNKNOWN"
+    one = bpy.context.scene.imprint_sets[0]
+    sign = signs.of_set(bpy.context, one)
+    return not signs.waiting(bpy.context, one) and sign.status != "UNKNOWN"
 
 
 def files(part: str = "") -> list[str]:
