@@ -44,6 +44,7 @@ CHOSEN = ("method", "measure", "extrusion", "max_distance")
 _OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 SIZES = (256, 512, 1024, 2048, 4096, 8192)
 """Those that a low object can have in a bake of pairs by name, and a material in one with texture sets."""
+OF_SET = "The size that the set has, or the panel without a set"
 OF_BATCHES = {
     "Object.imprint_is_baked": labeled(
         BoolProperty,
@@ -55,8 +56,8 @@ OF_BATCHES = {
     "Object.imprint_size": labeled(
         EnumProperty,
         "Size",
-        "Width and height of the maps of this low object in a bake of several. One image for all has the panel's",
-        items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
+        "Width and height of this part's maps. Parts that share an image have the size below",
+        items=[("0", "Set's", OF_SET), *((str(size), str(size), "") for size in SIZES)],
         override=_OVERRIDABLE,
     ),
     "Object.imprint_distance": labeled(
@@ -73,7 +74,7 @@ OF_BATCHES = {
         EnumProperty,
         "Size",
         "Width and height of the maps of this material, where each material has its own",
-        items=[("0", "–", "The size of the panel"), *((str(size), str(size), "") for size in SIZES)],
+        items=[("0", "Set's", OF_SET), *((str(size), str(size), "") for size in SIZES)],
         override=_OVERRIDABLE,
     ),
 }

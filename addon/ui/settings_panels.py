@@ -190,13 +190,24 @@ def _draw_settings(layout: bpy.types.UILayout, rows: Rows, family: Family) -> No
         if rows["ao_limited"]:
             rows.prop(layout, "ao_fade")
         rows.prop(layout, "occluders", "two_sided")
-        obj = bpy.context.active_object
-        if obj is not None and object_checks.may_show(obj):  # a mark of the object, beside the settings
+        for obj in _may_float(rows):  # a mark of the object, beside the settings
             row = layout.row()
             row.enabled = obj.is_editable
             text = f"{label('Floater')}: {obj.name}"
             row.prop(obj, "imprint_is_floater", text=text, translate=False)
     layout.separator()
+
+
+MOST_FLOATERS = 4
+"""The high objects of a part that the panel lists."""
+
+
+def _may_float(rows: Rows) -> list[bpy.types.Object]:
+    """The objects whose mark the panel shows: high ones of the active part of the set, or else the active object."""
+    if rows.set is not None:
+        return [high for high in rows.chosen.highs if high != rows.chosen.low][:MOST_FLOATERS]
+    obj = bpy.context.active_object
+    return [obj] if obj is not None and object_checks.may_show(obj) else []
 
 
 def _draw_reach(layout: bpy.types.UILayout, rows: Rows, reach: str, title: str) -> None:

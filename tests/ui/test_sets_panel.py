@@ -204,6 +204,53 @@ def test_the_button_stays_where_it_is(crate):
             assert above_button(main()) == before
 
 
+def test_what_a_part_has_for_itself_is_named(crate, monkeypatch):
+    shown, prop = {}, panel_layout.Layout.prop
+
+    def noted(layout, data, name, **how):
+        shown[name] = how.get("text", data.bl_rna.properties[name].name)
+        prop(layout, data, name, **how)
+
+    monkeypatch.setattr(panel_layout.Layout, "prop", noted)
+    low = crate.parts[0].find()
+    low.imprint  # noqa: B018 - as the operator does
+    main()
+    assert {name: shown[name] for name in ("imprint_size", "imprint_distance", "cage")} == {
+        "imprint_size": "Size",
+        "imprint_distance": "Distance",
+        "cage": "Cage",
+    }
+    assert low.bl_rna.properties["imprint_size"].enum_items["0"].name == "Set's"
+
+
+def test_the_marks_of_floaters_are_those_of_the_active_part(crate):
+    use(maps={"AO"})
+    bpy.context.view_layer.objects.active = bpy.data.objects["crate_high"]
+
+    def marked():
+        found, prop = [], panel_layout.Layout.prop
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                panel_layout.Layout,
+                "prop",
+                lambda layout, data, name, **how: (
+                    found.extend([how["text"]] if name == "imprint_is_floater" else [])
+                    or prop(layout, data, name, **how)
+                ),
+            )
+            panel_layout.draw(panels=SETTINGS)
+        return found
+
+    crate.active_part = 1
+    assert marked() == ["Floater: lid_high"]
+    crate.active_part = 0
+    assert marked() == ["Floater: crate_high"]
+    bpy.context.view_layer.objects.active = bpy.data.objects["lid_high"]
+    assert marked() == ["Floater: crate_high"]
+    bpy.context.scene.imprint.bakes = "SELECTION"
+    assert marked() == ["Floater: lid_high"]
+
+
 def test_a_part_that_is_gone_is_named(crate):
     bpy.data.objects.remove(bpy.data.objects["lid_low"])
     crate.parts[1].called = "lid_low"

@@ -83,6 +83,11 @@ def registered_texts() -> Iterator[Text]:
     for name in ("imprint_summary", "imprint_warnings", "imprint_batch"):
         prop = bpy.types.WindowManager.bl_rna.properties[name]
         yield from ((prop.translation_context, prop.name), (SENTENCE, prop.description))
+    for owner in (bpy.types.Object, bpy.types.Material):
+        prop = owner.bl_rna.properties["imprint_size"]
+        item = prop.enum_items["0"]  # the others are numbers
+        yield from ((prop.translation_context, prop.name), (SENTENCE, prop.description))
+        yield from ((prop.translation_context, item.name), (SENTENCE, item.description))
 
 
 @functools.cache
