@@ -87,7 +87,7 @@ def warning(kind: str, check: Check, low: str, settings: Settings, length: Lengt
         sentence = _BEYOND
     if kind == "outside" and check.get("fits_udim"):
         sentence = Fix.UDIM.after(sentence)
-    share = check["cut_off"] if kind == "outside" else min(1.0, values["share"])
+    share = check["cut_off"] if kind == "outside" else min(1.0, values["share"]) if "of" in check else 0.0
     return sentence.but(sentence.format(low=repr(low), **values), kind=kind, share=share)
 
 

@@ -251,12 +251,13 @@ class Atlas:
                 f"{names[0]} and {names[1]}, which the image has already, have the same texels: choose another name for "
                 "the image, or give them UV maps side by side and bake all of them together."
             )
-        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
+        share = lost / max(1, np.count_nonzero(is_hit))
+        if share > severity.MUCH_OVERLAP:
             text = (
                 f"{lost:,} texels overlap texels of other objects in the same image, which stay as they are: {PACKS}, or bake "
                 "a map for each with {low} in the name."
             )
-            self._warnings[0].append(Sentence(text, WRONG, severity.SHARED))
+            self._warnings[0].append(Sentence(text, WRONG, severity.SHARED, float(share)))
         return is_covered
 
     def _lay_over(self, tile: int, above: dict[str, np.ndarray]) -> None:
@@ -265,7 +266,8 @@ class Atlas:
         alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
         is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
         lost = np.count_nonzero(is_hit & was_hit)
-        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
+        share = lost / max(1, np.count_nonzero(is_hit))
+        if share > severity.MUCH_OVERLAP:
             low, *before = [drawn.request.job.low for drawn in self.drawn[::-1]]
             same = [repr(other.name) for other in before if other.data == low.data]
             whose = f"{shorten_list(same)}, which have the same mesh" if same else "other objects in the same image"
@@ -274,7 +276,7 @@ class Atlas:
                 f"{lost:,} texels of {low.name!r} overlap texels of {whose}: {apart}, or bake a map for each with "
                 "{low} in the name."
             )
-            self._warnings[-1].append(Sentence(text, WRONG, severity.SHARED))
+            self._warnings[-1].append(Sentence(text, WRONG, severity.SHARED, float(share)))
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():
             np.copyto(below[name], values, where=wins[..., None])
