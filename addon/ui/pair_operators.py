@@ -35,7 +35,7 @@ class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
 
 
 class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
-    """Give the low objects that are on a UV map in which the islands of all lie side by side, at one texel density"""
+    """Make a UV map for the parts that are switched on: the islands of all lie side by side, at one texel density"""
 
     bl_idname = "imprint.pack_uvs"
     bl_label = "Pack UV Maps"

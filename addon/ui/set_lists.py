@@ -18,6 +18,8 @@ BESIDE_NAMES = 96.0
 """What a check box, a sign, buttons and margins take of a row, in pixels at a scale of 1."""
 GAP = 12.0
 """The space beside a name, in pixels at a scale of 1."""
+LEAST = 36.0
+"""The space for a name that Blender shortens, in pixels at a scale of 1."""
 Item = ImprintPart | bpy.types.Object
 """An item of the list of parts: of the set's own list, or an object of the scene or of a collection."""
 
@@ -100,9 +102,9 @@ class IMPRINT_UL_parts(bpy.types.UIList):
         names.active = low.imprint_is_baked
         size, space = font_size(1.0), room(context) - BESIDE_NAMES
         taken, short = text_width(low.name, size) + GAP, part.short(low)
-        if text_width(short, size) > space - taken:
+        if text_width(short, size) > space - taken and len(part.highs) > 1:
             short = str(len(part.highs))
-        if text_width(short, size) > space - taken:  # the name of the low object comes first
+        if min(text_width(short, size), LEAST) > space - taken:  # the name of the low object comes first
             names.label(text=low.name, translate=False)
         else:
             split = names.split(factor=taken / space, align=True)

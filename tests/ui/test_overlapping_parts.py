@@ -4,7 +4,7 @@
 import bpy
 import pytest
 
-from addon.ui import bake_panel, findings, sets, signs
+from addon.ui import bake_panel, findings, set_lists, sets, signs
 from addon.ui.signs import looks
 from tests.support import panel_layout, zoo
 from tests.support.panel import select, use
@@ -89,13 +89,24 @@ def test_a_wrong_bake_has_no_check_mark_and_stands_in_the_box(props):
     assert signs.of_set(bpy.context, props).icon == "CHECKMARK"
 
 
-def test_the_sentence_of_the_bake_has_the_button(props):
-    use(bakes="SELECTION", share_image=True)
-    for name in NAMES[:2]:
-        bpy.data.objects[f"{name}_low"].select_set(True)
+def test_the_sentence_of_the_bake_has_the_button_and_comes_before_others(props):
+    for name in NAMES:
+        low = bpy.data.objects[f"{name}_low"]
+        low.data.edges.foreach_set("use_edge_sharp", [True] * len(low.data.edges))
+        low.data.vertices[4].co.z = 0.3
     props.textures = "ONE"
-    use(bakes="SETS")
     assert bpy.ops.imprint.bake_sets() == {"FINISHED"}
     told = findings.findings.worst(bpy.context, bpy.data.objects["lid_low"])
     assert "in the same image: Pack UV Maps lays their islands side by side, or bake" in told.text
     assert told.fixes == ("PACK",)
+    told = findings.results.warnings_of(findings.results.all_of(bpy.context, bpy.data.objects["lid_low"]))
+    assert [each.kind for each in told][:2] == ["shared", "hard_edges"]
+
+
+def test_a_row_names_its_only_high_object_also_where_little_room_is_left(props, monkeypatch):
+    monkeypatch.setattr(set_lists, "room", lambda _context: set_lists.BESIDE_NAMES + width)
+    size = set_lists.font_size(1.0)
+    width = set_lists.text_width("crate_low", size) + set_lists.GAP + set_lists.LEAST + 1.0
+    assert "crate_high" in panel_layout.draw(panels=[bake_panel.IMPRINT_PT_bake]).labels
+    width -= 2.0
+    assert "crate_high" not in panel_layout.draw(panels=[bake_panel.IMPRINT_PT_bake]).labels
