@@ -154,7 +154,7 @@ def _draw_parts(layout: bpy.types.UILayout, context: bpy.types.Context, one: Imp
 
 
 def _draw_part(layout: bpy.types.UILayout, context: bpy.types.Context, one: ImprintSet) -> None:
-    """The high objects of the active part, and what it has for itself. Three rows, with or without a part."""
+    """The high objects of the active part, and what it has for itself. Four rows, with or without a part."""
     low = set_lists.chosen_low(context)
     is_changeable = low is not None and low.is_editable
     highs = set_lists.part_of(context, one, low).highs if low is not None else ()
@@ -167,21 +167,19 @@ def _draw_part(layout: bpy.types.UILayout, context: bpy.types.Context, one: Impr
     row.operator("imprint.set_high_add", text="", icon="ADD").low = low.name if low is not None else ""
     row = layout.row(align=True)
     row.enabled = is_changeable
-    below = layout.row(align=True)
-    below.enabled = is_changeable
     if low is None:
         row.label(text=message("No part is chosen"), translate=False)
-        below.label(text="")
-        return
-    size = row.row(align=True)
-    size.active = one.textures == "PART"
-    size.prop(low, "imprint_size")
-    row.prop(low, "imprint_distance")
-    pair = object_pairs.of(low)
-    if pair is not None:
-        below.prop(pair, "cage")
     else:
-        below.label(text="")
+        row.active = one.textures == "PART"
+        row.prop(low, "imprint_size")
+    # A row each: beside one another, their names are cut.
+    for owner, name in ((low, "imprint_distance"), (object_pairs.of(low) if low is not None else None, "cage")):
+        row = layout.row(align=True)
+        row.enabled = is_changeable
+        if owner is None:
+            row.label(text="")
+        else:
+            row.prop(owner, name)
 
 
 def draw_changed(layout: bpy.types.UILayout, one: ImprintSet, *, enabled: bool) -> None:
