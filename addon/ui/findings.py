@@ -7,7 +7,7 @@ All of it is kept until an object changes, since a panel is drawn many times a s
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
+from operator import attrgetter, is_
 from typing import TYPE_CHECKING
 
 import bpy
@@ -70,6 +70,10 @@ class PanelFindings:
         """By the name of the check and the session_uid of the low object; that of the panel alone has 0."""
         self._asked: dict[tuple[str, int], Callable[[], list | dict | None]] = {}
         """What is to be looked at; it gives None where that cannot be done now."""
+        self._compared: list[dict] = []
+        """The texels of low objects that were compared the last time."""
+        self._shares: list[float] = []
+        """What was found: of each, as pair_checks.lost_shares returns it."""
         self._is_looking = False
         self._timer = Timer(self.look)
         events.hear(depsgraph_update_post=self._after_update, undo_post=self.drop, redo_post=self.drop, end=self.drop)
@@ -237,8 +241,9 @@ class PanelFindings:
         covers = [self._cover(low, settings) for low in lows]
         if not all(self._kept["cover", low.session_uid].is_known for low in lows):
             return []
-        shares = zip(lows, pair_checks.lost_shares(covers), strict=True)
-        wrong = {low.name: share for low, share in shares if share}
+        if len(covers) != len(self._compared) or not all(map(is_, covers, self._compared)):
+            self._compared, self._shares = covers, pair_checks.lost_shares(covers)
+        wrong = {low.name: share for low, share in zip(lows, self._shares, strict=True) if share}
         if not wrong:
             return []
         text = message("The UVs of {} lie over one another in the image that they share: pack them side by side.")
@@ -356,7 +361,7 @@ class PanelFindings:
     def drop(self, *_) -> None:
         """Forget the findings."""
         if not self._is_looking:
-            self._kept, self._asked = {}, {}
+            self._kept, self._asked, self._compared, self._shares = {}, {}, [], []
 
     def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if not self._kept or self._is_looking:
