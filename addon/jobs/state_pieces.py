@@ -116,7 +116,7 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     key = _of_mesh(low, labels=settings.map.texture_sets, is_made=is_made)
     _add(pieces, MESH, low.name, short([key, "base"]) if meshes.is_own_base else key)
     if is_made:
-        _add(pieces, UVS, low.name, of_made_uvs(low.uv))
+        _add(pieces, UVS, low.name, of_made_uvs(_all_uvs(low)))
     boxed = [name for name in settings.map.drawn_maps if BY_NAME[name].range is Range.BOX]  # points, also as floats
     is_of_world = settings.map.space == Space.WORLD and bool(boxed)
     is_of_world = is_of_world or any(map(_looks_around, meshes.materials))
@@ -133,7 +133,7 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
         key = _of_mesh(mesh, is_made=is_made)
         _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
         if is_made:
-            _add(pieces, UVS, mesh.name, of_made_uvs(mesh.uv))
+            _add(pieces, UVS, mesh.name, of_made_uvs(_all_uvs(mesh)))
         place = short(_place(mesh, low))
         numbered.append([key, place])
         _add(pieces, PLACE, mesh.name, place)
@@ -204,6 +204,17 @@ def _is_made(obj: bpy.types.Object) -> bool:
     return obj.type != "MESH" or len(obj.modifiers) > 0
 
 
+def _all_uvs(mesh: Mesh) -> np.ndarray | None:
+    """The UVs of a mesh, and those that its materials read, (C, 2)."""
+    found = [mesh.uv, *(mesh.layers[key] for key in sorted(mesh.layers) if _is_uvs(mesh, key))]
+    found = [uvs for uvs in found if uvs is not None]
+    return np.concatenate(found) if found else None
+
+
+def _is_uvs(mesh: Mesh, key: tuple) -> bool:
+    return key != KEY and mesh.layers[key].ndim == 2 and mesh.layers[key].shape[1] == 2
+
+
 def of_made_uvs(uvs: np.ndarray | None) -> str:
     """The key of UVs (C, 2) that modifiers make, which `are_same_uvs` compares: Bevel's differ in their last bit each time."""
     if uvs is None or not len(uvs):
@@ -233,7 +244,8 @@ def _of_mesh(mesh: Mesh, *, labels: bool = True, is_made: bool = False) -> str:
     """The key of a mesh. is_made: whether its UVs have a piece of their own."""
     names = ["positions", "vertices", "normals", "triangles"]
     names += [name for name, counts in (("uv", not is_made), ("labels", labels)) if counts]
-    layers = [[*key, _crc(values)] for key, values in sorted(mesh.layers.items()) if key != KEY]
+    counted = [key for key in sorted(mesh.layers) if key != KEY and not (is_made and _is_uvs(mesh, key))]
+    layers = [[*key, _crc(mesh.layers[key])] for key in counted]
     facts = [mesh.normals_domain, mesh.not_finite, mesh.without_normals, mesh.instances]
     return short([mesh.checksums(*names), layers, facts])
 

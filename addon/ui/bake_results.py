@@ -19,6 +19,7 @@ from ..scene import evaluation
 from ..scene.object_checks import object_by_name
 from . import modal, object_pairs, results, sets
 from .callbacks import redraw
+from .findings import findings
 from .modal import QuickOperator
 from .progress_display import display
 from .results import high_objects
@@ -342,6 +343,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
         exported = {**result.to_dict(), "warnings": result.warnings}
         reports = [report.with_export(exported) for report in results.all_of(context)]
         object_pairs.write_reports(reports[0].refs[0].resolve(), reports)
+        findings.drop()  # which the report now tells otherwise
         self.report({"INFO"}, reports[0].exported)
         redraw()
 

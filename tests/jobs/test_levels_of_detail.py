@@ -12,7 +12,7 @@ from addon.core.errors import BakeError, NoGpu
 from addon.core.levels import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import bake_jobs, lod, temporary
+from addon.jobs import lod, shared_bake, temporary
 from addon.jobs.simplify import decimation, texel_judge
 from addon.scene import mesh_reader
 from tests.support import scenes, zoo
@@ -223,7 +223,7 @@ def test_a_chain_that_is_stopped_leaves_nothing():
 def test_a_map_that_fails_leaves_nothing(monkeypatch):
     obj = zoo.terrain("Hill", 12)
     scenes.material("Grass", obj)
-    bake, calls = bake_jobs.bake_job, []
+    bake, calls = shared_bake.bake_job, []
 
     def failing(*arguments):
         calls.append(arguments)
@@ -231,7 +231,7 @@ def test_a_map_that_fails_leaves_nothing(monkeypatch):
             raise BakeError("The disk is full.")
         return bake(*arguments)
 
-    monkeypatch.setattr(bake_jobs, "bake_job", failing)
+    monkeypatch.setattr(shared_bake, "bake_job", failing)
     before = snapshot()
     with pytest.raises(BakeError, match="full"):
         chain(obj, "", "3, 4")

@@ -126,6 +126,16 @@ def test_a_bevel_whose_uvs_turn_is_not_changed(monkeypatch):
     assert found(job, settings) == ["the mesh of 'brick_high'"]
 
 
+def test_a_bevel_on_what_images_color_is_not_changed(tmp_path):
+    part = part_edits.make("modifiers", tmp_path, 3)  # whose colors read another layer of UVs
+    part.job.highs[0].modifiers.new("Second", "BEVEL")
+    part.bake()
+    assert [part.changes() for _ in range(12)] == [[]] * 12
+    values = part.job.highs[0].data.uv_layers.active.data
+    values[7].uv[0] += 0.01
+    assert part.changes() == ["the mesh of 'brick_high'"]
+
+
 @pytest.mark.parametrize("kind", part_edits.KINDS)
 def test_signs_agree_with_fresh_bakes(kind, tmp_path):
     rng = np.random.default_rng(list(part_edits.KINDS).index(kind))

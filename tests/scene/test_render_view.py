@@ -133,7 +133,7 @@ def test_reading_leaves_nothing_and_calls_no_handlers(name, fails, monkeypatch):
     assert counted(high)  # what Blender makes once, as caches of particles, is there now
     if fails:
 
-        def broken(*_):
+        def broken(*_, **_named):
             raise KeyError("broken")
 
         monkeypatch.setattr(reading, "_read", broken)

@@ -403,9 +403,9 @@ def _node(node: bpy.types.Node | None, rng) -> str:
         match rng.integers(3):
             case 0:
                 node.interpolation = _any(rng, ("Linear", "Closest"))
-            case 1:
+            case 1 if not node.image.get("imprint_map"):  # which would be an edit of a map
                 node.image.colorspace_settings.name = _any(rng, ("sRGB", "Non-Color"))
-            case 2:
+            case _:
                 node.extension = _any(rng, ("REPEAT", "EXTEND", "CLIP"))
     elif node.bl_idname == "ShaderNodeValToRGB":
         node.color_ramp.elements[0].color = (*rng.random(3), 1.0)
