@@ -9,8 +9,9 @@ import os
 import stat
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from . import udim
 
@@ -86,7 +87,7 @@ class Contents:
             titles.setdefault(os.path.abspath(path), what)
         return [self.of(path, what) for path, what in titles.items()]
 
-    def _hash(self, file: BinaryIO) -> str:
+    def _hash(self, file: BufferedReader) -> str:
         digest, block = hashlib.sha256(), memoryview(bytearray(BLOCK))
         while count := file.readinto(block):
             self._check()

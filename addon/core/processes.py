@@ -83,15 +83,16 @@ class _Counters(ctypes.Structure):
 
 def _on_windows(number: int) -> int:
     query_and_read = 0x0410
-    handle = ctypes.windll.kernel32.OpenProcess(query_and_read, False, number)
+    libraries = vars(ctypes)["windll"]  # which only Windows has
+    handle = libraries.kernel32.OpenProcess(query_and_read, False, number)
     if not handle:
         return 0
     try:
         counters = _Counters(length=ctypes.sizeof(_Counters))
-        is_known = ctypes.windll.psapi.GetProcessMemoryInfo(handle, ctypes.byref(counters), counters.length)
+        is_known = libraries.psapi.GetProcessMemoryInfo(handle, ctypes.byref(counters), counters.length)
         return counters.working_set if is_known else 0
     finally:
-        ctypes.windll.kernel32.CloseHandle(handle)
+        libraries.kernel32.CloseHandle(handle)
 
 
 TAIL = 1 << 14

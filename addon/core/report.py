@@ -195,9 +195,9 @@ class Report:
     """Of these keys, now 1. It goes up if a key goes or changes its meaning. New keys do not change it."""
 
     def __post_init__(self):
+        ratings: dict[str, Any] = self.ratings
         warnings = [
-            each if isinstance(each, Sentence) else Sentence(each, *self.ratings.get(each, ()))
-            for each in self.warnings
+            each if isinstance(each, Sentence) else Sentence(each, *ratings.get(each, ())) for each in self.warnings
         ]
         object.__setattr__(self, "warnings", warnings)
         object.__setattr__(self, "ratings", {str(each): [str(each.harm), each.kind] for each in warnings})

@@ -67,7 +67,7 @@ class Part:
         if unknown is not None:
             known = [*_KEYS.values()]
             raise BakeError(f"part has no key {unknown!r}{did_you_mean([unknown], known)}")
-        values = {"low": ""} | {name: table[key] for name, key in _KEYS.items() if key in table}
+        values: dict[str, Any] = {"low": ""} | {name: table[key] for name, key in _KEYS.items() if key in table}
         highs = values.get("highs", [])
         values["highs"] = (highs,) if isinstance(highs, str) else tuple(highs) if isinstance(highs, list) else (None,)
         sizes = values.get("sizes", {})

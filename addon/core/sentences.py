@@ -4,6 +4,7 @@
 import re
 from collections.abc import Iterable
 from enum import StrEnum
+from typing import Any
 
 
 class Harm(StrEnum):
@@ -41,13 +42,14 @@ class Sentence(str):
         """The sentence itself, or one that was not rated: it is worth a look."""
         return text if isinstance(text, Sentence) else cls(text)
 
-    def but(self, text: str, **changes: str | float) -> "Sentence":
-        """Another text of the same harm. changes: kind or share."""
-        return Sentence(text, **{"harm": self.harm, "kind": self.kind, "share": self.share} | changes)
+    def but(self, text: str, *, kind: str | None = None, share: float | None = None) -> "Sentence":
+        """Another text of the same harm, and the same kind and share if none is given."""
+        kind, share = self.kind if kind is None else kind, self.share if share is None else share
+        return Sentence(text, self.harm, kind, share)
 
-    def filled(self, **values: object) -> "Sentence":
+    def filled(self, **values: Any) -> "Sentence":
         """The text with these values in its places, and with their share."""
-        share = values.get("share", self.share)
+        share = values.get("share")
         return self.but(self.format(**values), share=share)
 
 
