@@ -84,7 +84,11 @@ def _with(image: bpy.types.Image, low: str, material: str, key: str) -> Iterator
 
 
 def _shown_by(image: bpy.types.Image) -> list[_Shown]:
-    return [_Shown(*item) for item in json.loads(image.get(MAP, "[]"))]
+    """The bakes that an image shows; none if another program has written the property."""
+    try:
+        return [_Shown(*item) for item in json.loads(image.get(MAP, "[]"))]
+    except (ValueError, TypeError):
+        return []
 
 
 def baked_as(low: bpy.types.Object, maps: Mapping[str, str]) -> str:
@@ -107,7 +111,7 @@ def names(low: bpy.types.Object, maps: Mapping[str, str]) -> set[str]:
 
 def _has(image: bpy.types.Image | None, key: str) -> bool:
     """Whether an image shows a bake."""
-    return image is not None and key in image.get(MAP, "")  # not read: there may be hundreds
+    return image is not None and key in str(image.get(MAP, ""))  # not read: there may be hundreds
 
 
 @journal.replayed

@@ -91,6 +91,16 @@ def test_renamed_is_not_changed():
     assert part_state.changes(other, State({"mesh:a": "1", "mesh:c": "3"})) == ["the mesh of 'c'", "the mesh of 'b'"]
 
 
+@pytest.mark.parametrize("written", ["a key", "[1]", "3", '[["low", "", 0]]', 7, ""])
+def test_a_property_that_another_program_has_written_is_no_bake(written):
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    bpy.data.images["brick_low_normal"]["imprint_map"] = written
+    assert found(job, settings)
+    bake(job, settings)
+    assert found(job, settings) == []
+
+
 @pytest.mark.parametrize("count", [30, 70_000, 300_000])
 def test_made_uvs_are_the_same_but_for_their_last_bits(count):
     rng = np.random.default_rng(3)
