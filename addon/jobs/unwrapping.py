@@ -14,6 +14,7 @@ import numpy as np
 
 from ..audit import mip_gaps
 from ..core.errors import BakeError
+from ..core.progress import Progress, Task, finish, part
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import uv_crossings, uv_islands, uv_packing, uv_stretch
 from ..mesh.edges import is_without_area
@@ -23,6 +24,7 @@ from ..mesh.uv_charts import Charts
 from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader, object_checks
+from ..scene.object_checks import ObjectRef
 from . import temporary
 
 NAME = "UVMap"
@@ -59,16 +61,20 @@ class Unwrapped:
         mesh: With its UVs.
         of: The island of each of its triangles.
         name: Of the way, for messages.
+        side: Texels of the map's shorter side.
     """
 
     name: str
     mesh: Mesh
     of: np.ndarray
+    side: int
 
     @cached_property
     def layout(self) -> Layout:
         """How the UVs use the map."""
-        return uv_stretch.measure(_points(self.mesh), self.mesh.uv[self.mesh.triangles])
+        return uv_stretch.measure(
+            _points(self.mesh), self.mesh.uv[self.mesh.triangles], self.side, self.mesh.vertices[self.mesh.triangles]
+        )
 
     @property
     def islands(self) -> int:
@@ -96,17 +102,25 @@ class Unwrapped:
 
 
 def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
+    """`work`, done at once."""
+    return finish(work(low, settings, is_quick=is_quick))
+
+
+def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> Task[str]:
     """Give an object's own mesh a UV map, the active one. Returns a sentence about it. is_quick: whether only one way is tried.
 
-    Raises BakeError if no way works, and then nothing has changed.
+    Raises BakeError if no way works. Then, and if it is closed before its end, nothing has changed.
     """
     if low.type != "MESH" or not low.data.polygons:
         raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
-    unwrapped = attempts(low, settings.sampling, is_quick=is_quick)
+    ref = ObjectRef.of(low)
+    unwrapped = yield from part(attempts(low, settings.sampling, is_quick=is_quick), 0.0, 0.9)
+    low = ref.resolve()
     best = max(unwrapped, key=lambda each: each.layout.sharpness, default=None)
     if best is None or best.layout.sharpness == 0.0:
         raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
     if not is_quick:
+        yield Progress("Packing UV islands", 0.9)
         best = best.packed(margin(settings.sampling))
     shows_textures = bool(low.data.uv_layers) and bool(object_checks.textures_of(low))
     layer = low.data.uv_layers.new(name=NAME, do_init=False)
@@ -120,14 +134,15 @@ def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False)
     return f"{low.name!r} is unwrapped: {best.sentence}"
 
 
-def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Iterator[Unwrapped]:
+def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[list[Unwrapped]]:
     """What each way gives with the margin that the clean mip levels of the settings need, packed quickly."""
     seams = np.zeros(len(low.data.edges), bool)
     low.data.edges.foreach_get("use_seam", seams)
     with _copy(low) as obj:
         mesh = _read(obj)
         if is_without_area(mesh):
-            return
+            return []
+        yield Progress("Cutting into charts", 0.0)
         charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling), _hard(obj.data))
         ways: dict[str, Callable[[], bool]] = {}
         for stretch, name in STEPS:
@@ -137,25 +152,27 @@ def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: boo
                 ways[name] = partial(_by_charts, obj, charts, charts.steps)
         if seams.any() and not is_quick:
             ways["the mesh's seams"] = partial(_by_seams, obj, seams)
-        unwrapped = [
-            each for each in (_attempt(obj, name, way, margin(sampling)) for name, way in ways.items()) if each
-        ]
-        if not unwrapped:
-            unwrapped = [_attempt(obj, "Smart Project", partial(_project, obj), margin(sampling))]
-        yield from filter(None, unwrapped)
+        unwrapped: list[Unwrapped | None] = []
+        for done, (name, way) in enumerate(ways.items()):
+            yield Progress(f"Unwrapping by {name}", (1 + done) / (1 + len(ways)))
+            unwrapped.append(_attempt(obj, name, way, sampling))
+        if not any(unwrapped):
+            unwrapped = [_attempt(obj, "Smart Project", partial(_project, obj), sampling)]
+        return [each for each in unwrapped if each]
 
 
-def _attempt(obj: bpy.types.Object, name: str, way: Callable[[], bool], margin: float) -> Unwrapped | None:
+def _attempt(obj: bpy.types.Object, name: str, way: Callable[[], bool], sampling: SamplingSettings) -> Unwrapped | None:
     """Unwrap an object and pack its islands. Returns None if Blender cannot."""
     try:
         if not way():
             return None
         with editing(obj):
-            pack_boxes(margin)
+            pack_boxes(margin(sampling))
     except RuntimeError:  # an operator that cannot work says so in this way
         return None
     mesh = _read(obj)
-    return Unwrapped(name, mesh, uv_islands.islands(mesh)).packed(margin, is_quick=True)
+    unwrapped = Unwrapped(name, mesh, uv_islands.islands(mesh), min(sampling.size))
+    return unwrapped.packed(margin(sampling), is_quick=True)
 
 
 def margin(sampling: SamplingSettings) -> float:

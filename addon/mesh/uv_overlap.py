@@ -21,16 +21,23 @@ INSIDE = 1e-6
 
 def shared(mesh: Mesh, tile: int = udim.FIRST, side: int = SIDE) -> tuple[int, int]:
     """How many of side * side texels of a UDIM tile have a triangle at their center, and how many of these have two or more."""
-    counts = _counts(mesh, tile, side)
-    if counts is None:
+    found = _counts(mesh, tile, side)
+    if found is None:
         return shared(mesh, tile, side // 2)
-    return int(np.count_nonzero(counts)), int(np.count_nonzero(counts > 1))
+    return int(np.count_nonzero(found)), int(np.count_nonzero(found > 1))
 
 
 def covered(mesh: Mesh, tile: int = udim.FIRST) -> np.ndarray | None:
     """Which of SIDE * SIDE texels of a UDIM tile have a triangle at their center, as bits, uint8; None if that takes long."""
-    counts = _counts(mesh, tile, SIDE)
-    return np.packbits(counts > 0) if counts is not None else None
+    found = _counts(mesh, tile, SIDE)
+    return np.packbits(found > 0) if found is not None else None
+
+
+def counts(uv: np.ndarray, side: int = SIDE) -> np.ndarray:
+    """How many of triangles with UVs (T, 3, 2) are at the center of each of side * side texels of the map, or of fewer ones if
+    that takes long, (N,) int."""
+    found = _counted_in(uv.astype(np.float64) * side, side)
+    return counts(uv, side // 2) if found is None else found
 
 
 def shares_of_others(covers: Sequence[Mapping[Any, np.ndarray]]) -> list[float]:
@@ -55,7 +62,11 @@ def _number(bits: np.ndarray) -> int:
 
 def _counts(mesh: Mesh, tile: int, side: int) -> np.ndarray | None:
     """How many triangles are at the center of each texel (side * side,); None if that takes long."""
-    corners = (mesh.uv[mesh.triangles].astype(np.float64) - udim.place(tile)) * side
+    return _counted_in((mesh.uv[mesh.triangles].astype(np.float64) - udim.place(tile)) * side, side)
+
+
+def _counted_in(corners: np.ndarray, side: int) -> np.ndarray | None:
+    """As _counts, of triangles with corners (T, 3, 2) in texels."""
     with np.errstate(invalid="ignore"):
         first = np.clip(np.ceil(corners.min(axis=1) - 0.5), 0.0, side)
         stop = np.clip(np.floor(corners.max(axis=1) - 0.5) + 1.0, 0.0, side)
@@ -66,11 +77,11 @@ def _counts(mesh: Mesh, tile: int, side: int) -> np.ndarray | None:
         return None
     chosen = np.flatnonzero(number)
     ends = np.cumsum(number[chosen])
-    counts = np.zeros(side * side, np.int64)
+    found = np.zeros(side * side, np.int64)
     most = int(ends[-1]) if len(ends) else 0
     for block in np.split(chosen, np.searchsorted(ends, range(PAIRS_AT_ONCE, most, PAIRS_AT_ONCE))):
-        counts += _counted(corners[block], first[block].astype(int), sides[block].astype(int), side)
-    return counts
+        found += _counted(corners[block], first[block].astype(int), sides[block].astype(int), side)
+    return found
 
 
 def _counted(corners: np.ndarray, first: np.ndarray, sides: np.ndarray, side: int) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures how well UVs use a map: how much of it, and how evenly.
+"""Measures how well UVs use a map: how much of it, how evenly, and at what price in borders and split vertices.
 
 Source: the mean square of the distance of texels is the stretch of Sander, Snyder, Gortler and Hoppe, "Texture mapping
 progressive meshes", 2001.
@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import topology, uv_overlap
+from .topology import EdgeTable
 from .triangles import face_areas
 
 WORST = 100.0
@@ -16,6 +18,12 @@ WORST = 100.0
 would decide alone."""
 ENOUGH = 0.75
 """The least share of an island's area that it would need without stretch, or else it is bad."""
+BORDER_PRICE = 0.5
+"""What a texel at a border costs, as a share of one: mip levels and filters mix half of it with what lies beside."""
+SPLIT_PRICE = 0.1
+"""What a vertex costs that an engine stores once more, as a share of a vertex: memory and work of the vertex shader."""
+OVERLAP_SIDE = 512
+"""Texels a side of the map in which overlaps are counted."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +35,51 @@ class Layout:
         angle: the mean factor between the widest and the narrowest distance of texels on the surface; 1 without stretch.
         area: the mean factor by which the size of texels differs from that of all; 1 if all have the same size.
         sharpness: the share of the map that UVs without stretch would need to be as sharp; at most `used`.
+        sound: the share of the used texels that are in no triangle folded over, and not in several triangles.
+        border: the share of the used texels that are within half a texel of the border of an island; at most 1.
+        split: the vertices that UVs add, as a share of those of the surface.
+        islands: their number.
     """
 
     used: float
     angle: float
     area: float
     sharpness: float
+    sound: float = 1.0
+    border: float = 0.0
+    split: float = 0.0
+    islands: int = 0
+
+    @property
+    def figure(self) -> float:
+        """What the map shows for what it costs, from 0 to 1: the texels that stretch leaves, less the price of borders and of
+        split vertices."""
+        return self.sound * self.sharpness * (1.0 - BORDER_PRICE * self.border) / (1.0 + SPLIT_PRICE * self.split)
 
 
-def measure(points: np.ndarray, uv: np.ndarray) -> Layout:
-    """Measure triangles with points (T, 3, 3) and UVs (T, 3, 2). Those without area on the surface do not count."""
+def measure(points: np.ndarray, uv: np.ndarray, side: int = 1024, vertices: np.ndarray | None = None) -> Layout:
+    """Measure triangles with points (T, 3, 3) and UVs (T, 3, 2). Those without area on the surface do not count.
+
+    Args:
+        side: texels of the map's shorter side, for borders.
+        vertices: (T, 3) int, the vertices of the corners; None if all in the same place are one.
+    """
     measured = _Triangles(points, uv)
     used = float(measured.used.sum())
     if used == 0.0:
         return Layout(0.0, 1.0, 1.0, 0.0)
+    if vertices is None:
+        vertices = topology.places(points.reshape(-1, 3)).reshape(-1, 3)
+    uv, vertices = np.ascontiguousarray(uv[measured.counts]), vertices[measured.counts]
+    rows = np.stack(
+        [topology.hashes(uv.reshape(-1, 2) + uv.dtype.type(0.0)), vertices.reshape(-1).astype(np.uint64)], axis=1
+    )
+    nodes = topology.first_rows(rows)
+    islands, count = topology.components(tuple(nodes.reshape(-1, 3).T), len(nodes))
+    corners, own = len(np.unique(nodes)), len(np.unique(vertices))
+    outline = EdgeTable.of(nodes.reshape(-1, 3)).alone
+    ends = uv.reshape(-1, 2).astype(np.float64)
+    length = np.linalg.norm(np.roll(ends.reshape(-1, 3, 2), -1, axis=1).reshape(-1, 2) - ends, axis=1)[outline].sum()
     weights = measured.surface / measured.surface.sum()
     even = np.sqrt(used / measured.surface.sum())  # the texels by length, if all had the same size
     most, least = np.maximum(measured.most, even / WORST), np.maximum(measured.least, even / WORST)
@@ -50,7 +89,21 @@ def measure(points: np.ndarray, uv: np.ndarray) -> Layout:
         float((weights * most / least).sum()),
         float((weights * np.maximum(size, 1.0 / size)).sum()),
         float(measured.surface.sum() / (weights * _spacing(most, least)).sum()),
+        _sound(measured, uv, islands),
+        min(1.0, float(length) * 0.5 / side / used),
+        (corners - own) / own,
+        count,
     )
+
+
+def _sound(measured: "_Triangles", uv: np.ndarray, islands: np.ndarray) -> float:
+    """The share of the used texels that Layout.sound is. uv (T, 3, 2), islands (T,): of the triangles that count."""
+    is_mirrored = np.bincount(islands, measured.signed) < 0.0
+    is_folded = (measured.signed < 0.0) != is_mirrored[islands]
+    folded = measured.used[is_folded].sum() / measured.used.sum()
+    counts = uv_overlap.counts(uv[~is_folded], OVERLAP_SIDE)
+    once = np.count_nonzero(counts == 1) / counts.sum() if counts.any() else 1.0
+    return float((1.0 - folded) * once)
 
 
 def bad(points: np.ndarray, uv: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
