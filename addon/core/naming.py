@@ -157,6 +157,7 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
 
     A number may follow a suffix, to distinguish pairs of one name. An underscore and more may follow a high suffix. Blender's
     .001 at the end distinguishes low objects of one name, and their high objects; where there is one low object, it is ignored.
+    A low object without high objects gets the one that is called as the pair, as "rock" for "rock_low": assets of "rock" are.
     """
     suffixes.check()
     pairs: dict[_Key, Pair] = {}
@@ -180,8 +181,11 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
             problems.append(f"{name!r} and {getattr(pair, role)!r} are both the {role} object of {pair.name!r}.")
         else:
             setattr(pair, role, name)
+    bare = {name.casefold(): name for name, role, _ in roles if not role}
     complete = []
     for key, pair in sorted(pairs.items(), key=lambda item: item[0].order):
+        if pair.low and not pair.highs and key.number is key.copy is None and key.folded in bare:
+            pair.highs.append(bare[key.folded])
         if pair.low and pair.highs:
             complete.append(pair)
         elif pair.low:

@@ -180,7 +180,9 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
     Raises BakeError if there is no job.
     """
     objects = object_checks.by_name(context.view_layer.objects)
-    pairs, problems = match(objects, suffixes)
+    # An empty that is called as a low object without its suffix is its parent, and no high object.
+    named = (name for name, obj in objects.items() if obj.type != "EMPTY" or object_checks.may_show(obj))
+    pairs, problems = match(named, suffixes)
     if not pairs:
         raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")
     jobs = [

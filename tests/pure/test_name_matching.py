@@ -30,6 +30,21 @@ def test_other_names_are_ignored(name):
     assert match([name], Suffixes()) == ([], [])
 
 
+@pytest.mark.parametrize(("bare", "low"), [("rock", "rock_low"), ("Rock", "rock_LP"), ("rock.001", "rock.001_low")])
+def test_a_bare_name_is_the_high_object_of_a_low_one_that_has_none(bare, low):
+    assert naming.low_name_of("rock.001", Suffixes()) == "rock.001_low"
+    pairs, problems = match([bare, low], Suffixes())
+    assert [(pair.low, pair.highs) for pair in pairs] == [(low, [bare])] and problems == []
+    pairs, _ = match([bare, low, f"{bare}_high"], Suffixes())
+    assert pairs[0].highs == [f"{bare}_high"]
+
+
+@pytest.mark.parametrize("names", [["rock", "rock_low_1"], ["rock_cage", "rock_low"], ["rock", "rock_cage"]])
+def test_a_bare_name_is_no_high_object_of_a_numbered_one(names):
+    pairs, problems = match(names, Suffixes())
+    assert pairs == [] and len(problems) == 1
+
+
 WORDS = [
     ("rock_LP", "rock_HP"),
     ("rock_lo", "rock_hi"),
