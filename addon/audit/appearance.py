@@ -8,7 +8,9 @@ that shows a wrong surface exactly, turned faces, a map that is read in a wrong 
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import Any
 
 import gpu
@@ -45,6 +47,10 @@ BEHIND = 2.0
 """Pixels that a place may lie behind what a viewer sees, by the slope of the surface there, and still be seen."""
 FILLED = 0.98
 """Share of a picture's side that the sphere around the meshes takes."""
+
+
+_kept: list[list["SeenHighs"]] = []
+"""What is kept in each block of `kept_pictures`."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ class Appearance:
         worst_view: The direction (3,) in world space towards the viewer who sees the largest mean error.
         squares: By UDIM tile, the mean error on each square of the map, (rows, columns) float32, in degrees; views count by how
             straight they meet the square. NaN where none does.
-        places: As SeenHighs has them, (N,), the sum of the errors that all viewers see there, who count in the same way.
+        places: As SeenPlaces has them, (N,), the sum of the errors that all viewers see there, who count in the same way.
     """
 
     mean: float
@@ -135,7 +141,7 @@ def measure(
     detail: Detail | None = None,
 ) -> Task[Appearance | None]:
     """Measure one low mesh. Returns None if no pixel shows both it and a high mesh. To compare several low meshes with the same
-    high ones, use SeenHighs.
+    high ones, do so within `kept_pictures`.
 
     Args:
         highs, low: in world space by their matrices. `low` has the tangents of its map, if that is in tangent space.
@@ -143,9 +149,32 @@ def measure(
         others: a part of the low mesh that hides what is behind it, and is not judged.
         detail: USUAL if None.
     """
-    seen = SeenHighs(highs, [*highs, low, *([others] if others is not None else [])], detail)
-    yield from part(seen.draw(), 0.0, 0.5)
+    around = [low, *([others] if others is not None else [])]
+    seen = yield from part(seen_highs(highs, around, detail), 0.0, 0.5)
     return (yield from part(seen.compare(low, shown, others=others), 0.5, 1.0))
+
+
+@contextmanager
+def kept_pictures() -> Iterator[None]:
+    """Within this block, the pictures of the last high meshes stay on the GPU: more low meshes are compared with the same ones
+    at once."""
+    kept: list[SeenHighs] = []
+    _kept.append(kept)
+    try:
+        yield
+    finally:
+        _kept[:] = [each for each in _kept if each is not kept]
+
+
+def seen_highs(highs: Sequence[Mesh], around: Sequence[Mesh], detail: Detail | None = None) -> "Task[SeenHighs]":
+    """High meshes with their pictures, which have room for those `around`, too: those that are kept, if they suit."""
+    kept = _kept[-1] if _kept else []
+    if not (kept and kept[0].suits(highs, around, detail)):
+        kept[:] = []
+        seen = SeenHighs(highs, [*highs, *around], detail)
+        yield from seen.draw()
+        kept.append(seen)
+    return kept[0]
 
 
 def why_not(plan: Plan, settings: Settings) -> str:
@@ -219,31 +248,30 @@ def _other_materials(meshes: Meshes) -> Mesh | None:
 class SeenHighs:
     """High meshes as they are seen from outside: drawn once, and compared with any number of low meshes.
 
-    around: the meshes that pictures have room for. places: on the high surface, in world space, whose errors are wanted. The
-    pictures take 16 bytes of GPU memory a pixel, until this is deleted.
+    around: the meshes that pictures have room for. The pictures take 16 bytes of GPU memory a pixel, until this is deleted.
     """
 
-    def __init__(
-        self,
-        highs: Sequence[Mesh],
-        around: Sequence[Mesh],
-        detail: Detail | None = None,
-        places: Samples | None = None,
-    ):
-        self.highs, self.detail, self.places = highs, detail or USUAL, places
-        self._places: list[_InView] = []
+    def __init__(self, highs: Sequence[Mesh], around: Sequence[Mesh], detail: Detail | None = None):
+        self.detail = detail or USUAL
         self.space = local_space_of(around)
         self.frame = _Frame.around(around, self.space)
         self.directions = directions(self.detail.views)
+        self._content = _content(highs)
+        self._highs = highs
         self._views = [self.frame.view(towards) for towards in self.directions]
         self._pictures: list[gpu.types.GPUTexture] = []
 
+    def suits(self, highs: Sequence[Mesh], around: Sequence[Mesh], detail: Detail | None) -> bool:
+        """Whether the pictures show these high meshes, and have room for those `around`."""
+        is_alike = self.detail == (detail or USUAL) and self._content == _content(highs)
+        return is_alike and all(map(partial(self.frame.has_room, space=self.space), around))
+
     def draw(self) -> Task[None]:
         """Draw the pictures of the high meshes. Call this once, before `compare`."""
-        side, count = self.detail.side, sum(len(high.triangles) for high in self.highs)
+        side, count = self.detail.side, sum(len(high.triangles) for high in self._highs)
         pictures = [target.Target(side, side, seen_normals.FORMATS) for _ in self._views]
         done, is_first = 0, True
-        for high in self.highs:
+        for high in self._highs:
             points = self.space.points(high)
             for first in range(0, len(high.triangles), TRIANGLES_AT_ONCE):
                 triangles = high.front_triangles[first : first + TRIANGLES_AT_ONCE]
@@ -253,28 +281,34 @@ class SeenHighs:
                 pictures[-1].finish()  # so that the driver frees the part before the next one is uploaded
                 done, is_first = done + len(triangles), False
                 yield Progress("Looking at the high mesh", done / count)
-        self._pictures = [each.texture for each in pictures]
-        if self.places is not None:
-            points = (self.places.points - self.space.origin) / self.space.size
-            for picture, view, towards in zip(pictures, self._views, self.directions, strict=True):
-                facing = np.abs(self.places.normals @ towards)
-                self._places.append(_InView.of(points, facing, picture.texels()[..., 3], view))
+        self._pictures, self._highs = [each.texture for each in pictures], ()
 
-    def compare(self, low: Mesh, shown: ShownMap | None, *, others: Mesh | None = None) -> Task[Appearance | None]:
-        """Measure a low mesh, as `measure` does."""
+    def places(self, samples: Samples) -> "SeenPlaces":
+        """The pixels of places on the high surface, in world space."""
+        points, side = (samples.points - self.space.origin) / self.space.size, self.detail.side
+        in_views = []
+        for picture, view, towards in zip(self._pictures, self._views, self.directions, strict=True):
+            depths = target.Target.of(side, side, seen_normals.FORMATS[0], picture).texels()[..., 3]
+            in_views.append(_InView.of(points, np.abs(samples.normals @ towards), depths, view))
+        return SeenPlaces(len(points), in_views)
+
+    def compare(
+        self, low: Mesh, shown: ShownMap | None, *, others: Mesh | None = None, places: "SeenPlaces | None" = None
+    ) -> Task[Appearance | None]:
+        """Measure a low mesh, as `measure` does. places: whose errors are wanted, too."""
         seen = _Seen(self.directions, self.frame, _Squares.of(shown))
         parts = [*self._parts(low, shown, seen.squares), *(self._hiding(others) if others is not None else [])]
-        of_places = np.zeros(len(self.places.points) if self.places is not None else 0)
+        of_places = np.zeros(places.count if places is not None else 0)
         for number, (picture, view) in enumerate(zip(self._pictures, self._views, strict=True), start=1):
             into = target.get("appearance", self.detail.side, self.detail.side, *seen_normals.FORMATS)
             seen_normals.compare(into, picture, parts, view)
             texels = into.texels()
             seen.add(texels)
-            if self.places is not None:
-                of_places += self._places[number - 1].errors(texels, len(of_places))
+            if places is not None:
+                of_places += places.in_views[number - 1].errors(texels, len(of_places))
             yield Progress("Looking at the low mesh", number / len(self._views))
         result = seen.result()
-        return replace(result, places=of_places) if result is not None and self.places is not None else result
+        return replace(result, places=of_places) if result is not None and places is not None else result
 
     def _parts(self, low: Mesh, shown: ShownMap | None, squares: "_Squares") -> Iterator[tuple]:
         """The low mesh as seen_normals.compare takes it."""
@@ -299,6 +333,25 @@ class SeenHighs:
         )
         shading = seen_normals.low_shading(others.normal_matrix, lit.reading(lit.OBJECT), seen_normals.NOT_JUDGED)
         yield batch, data_texture.image(np.zeros((1, 1, 4), np.float32)), shading
+
+
+def _content(meshes: Sequence[Mesh]) -> list[tuple]:
+    """Equal for meshes that look alike."""
+    arrays = "positions", "vertices", "normals", "triangles"
+    return [(mesh.checksums(*arrays), mesh.to_world.tobytes()) for mesh in meshes]
+
+
+@dataclass(frozen=True)
+class SeenPlaces:
+    """Places on the high surface, as SeenHighs.places finds them.
+
+    Attributes:
+        count: Their number.
+        in_views: Those that each viewer sees.
+    """
+
+    count: int
+    in_views: Sequence["_InView"]
 
 
 @dataclass(frozen=True)
@@ -372,6 +425,11 @@ class _Frame:
         center = (least + most) / 2.0
         radius = max(float(np.sqrt(((points - center) ** 2).sum(axis=1).max())) for points in parts)
         return cls(center, max(radius, 1e-6), max(float(np.linalg.norm(most - least)), 1e-6))
+
+    def has_room(self, mesh: Mesh, space: LocalSpace) -> bool:
+        """Whether a picture shows all of a mesh."""
+        points = space.points(mesh)[np.unique(mesh.vertices[mesh.triangles])]
+        return bool((((points - self.center) ** 2).sum(axis=1) <= (self.radius / FILLED) ** 2).all())
 
     def view(self, towards: np.ndarray) -> np.ndarray:
         """The matrix (4, 4) from the local space to the clip space of a viewer in the direction `towards` (3,)."""

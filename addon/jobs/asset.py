@@ -13,6 +13,7 @@ from functools import partial
 
 import bpy
 
+from ..audit.appearance import kept_pictures
 from ..core import asset_limits, naming
 from ..core.asset_limits import HowMade, Wanted
 from ..core.declarations.choices import Method, Wrap
@@ -82,7 +83,7 @@ def work(
     """
     start, timings = time.perf_counter(), Timings(asset_limits.STAGES)
     _check(job, wanted, settings)
-    with temporary.only_if_finished(), all_or_none(), temporary.meshes(), ExitStack() as stack:
+    with temporary.only_if_finished(), all_or_none(), temporary.meshes(), kept_pictures(), ExitStack() as stack:
         high, lows = None, [] if job.low in job.highs else [Low(job.low, wanted, HowMade(is_made=False))]
         if not lows or wanted.levels or wanted.distance < math.inf:
             check_gpu()
@@ -147,7 +148,6 @@ class _Making:
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
             obj = self._object(low.data, names[level], home)
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
-        self.judge.free()
         return lows
 
     def _low(self, wanted: Wanted, maker: DecimationSource | None) -> Task[tuple[LowMesh, DecimationSource, int]]:

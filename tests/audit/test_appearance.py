@@ -236,6 +236,27 @@ def test_several_low_meshes_are_compared_with_the_same_pictures():
     assert without.mean > 2.0 * with_map.mean
 
 
+def test_pictures_that_are_kept_serve_low_meshes_that_have_room_in_them(monkeypatch):
+    meshes, _ = read_and_baked(zoo.terrain("low", 12, height=0.3), [zoo.terrain("high", 64, height=0.3)], settings())
+    grown, moved = np.diag([1.0, 1.0, 1.5, 1.0]), np.eye(4)
+    moved[0, 3] = 1.0
+    beyond = replace(meshes.low, to_world=moved @ meshes.low.to_world)
+    higher = [replace(high, to_world=grown @ high.to_world) for high in meshes.highs]
+    drawn, draw = [], SeenHighs.draw
+    monkeypatch.setattr(SeenHighs, "draw", lambda self: [drawn.append(self), draw(self)][1])
+    pairs = [(meshes.highs, meshes.low)] * 2 + [(meshes.highs, beyond), (higher, meshes.low)]
+
+    def measured() -> list:
+        return [finish(measure(highs, low, None, detail=SMALL)) for highs, low in pairs]
+
+    with appearance.kept_pictures():
+        kept = measured()
+    assert len(drawn) == 3
+    drawn.clear()
+    assert measured() == kept
+    assert len(drawn) == 4
+
+
 # In reports
 
 
@@ -254,9 +275,9 @@ def test_places_have_the_errors_that_viewers_see_there():
     points = np.concatenate([np.stack([np.full(21, x), y, np.full(21, z)], axis=1) for x, z in PLACES])
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     places = Samples(points, normals, np.zeros(len(points), int), np.ones(len(points)))
-    pictures = SeenHighs(meshes.highs, [*meshes.highs, meshes.low], Detail(16, 200), places)
+    pictures = SeenHighs(meshes.highs, [*meshes.highs, meshes.low], Detail(16, 200))
     finish(pictures.draw())
-    found = finish(pictures.compare(meshes.low, None))
+    found = finish(pictures.compare(meshes.low, None, places=pictures.places(places)))
     facing = np.abs(appearance.directions(16)[:, 2]).sum()
     right, left, beneath = np.median(found.places.reshape(3, 21), axis=1)
     assert right == pytest.approx(20.0 * facing, rel=0.1)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...audit import appearance
-from ...audit.appearance import Appearance, SeenHighs, ShownMap
+from ...audit.appearance import Appearance, SeenHighs, SeenPlaces, ShownMap
 from ...core import asset_limits, udim
 from ...core.asset_limits import Wanted
 from ...core.declarations.choices import Method
@@ -79,8 +79,8 @@ class AppearanceJudge:
         self._context, self._request, self._pace, self._high, self._timings = context, request, pace, high, timings
         settings = request.settings.read_by(context.scene.render.engine).without_file().without_materials()
         self._settings = settings.without_other_maps().traced(method=Method.CAST)
-        self._seen_highs: tuple[Samples, SeenHighs] | None = None
-        """As they were last looked at, and the samples of the source then."""
+        self._places: tuple[Samples, SeenHighs, SeenPlaces] | None = None
+        """The samples of a source, and where they were last seen."""
 
     def quickly(self, low: LowMesh) -> Task[Seen]:
         """What a viewer sees of a low mesh, on a small map with one sample."""
@@ -110,10 +110,6 @@ class AppearanceJudge:
         finally:
             if ref.find() is not None:
                 bpy.data.objects.remove(ref.find())
-
-    def free(self) -> None:
-        """Free the pictures of the high meshes."""
-        self._seen_highs = None
 
     def _seen(self, obj: bpy.types.Object, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
         """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set."""
@@ -147,14 +143,13 @@ class AppearanceJudge:
         if appearance.why_not(baked.plan, settings):
             return None
         low = meshes.basis or meshes.low
-        if self._seen_highs is None or self._seen_highs[0] is not samples:
+        seen = yield from part(appearance.seen_highs(meshes.highs, [low]), 0.0, 0.5)
+        if self._places is None or self._places[0] is not samples or self._places[1] is not seen:
             in_world = replace(samples, points=samples.points + self._high.origin)
-            seen = SeenHighs(meshes.highs, [*meshes.highs, low], places=in_world)
-            yield from part(seen.draw(), 0.0, 0.5)
-            self._seen_highs = samples, seen
+            self._places = samples, seen, seen.places(in_world)
         texels, _ = normal_space.stored(normals, settings)
         shown = ShownMap({udim.FIRST: kept(texels, settings)}, normal_space.reading(settings.map))
-        return (yield from part(self._seen_highs[1].compare(low, shown), 0.5, 1.0))
+        return (yield from part(seen.compare(low, shown, places=self._places[2]), 0.5, 1.0))
 
 
 def texel_side(wanted: Wanted, context: bpy.types.Context, edge: Callable[[], float]) -> float:
