@@ -32,6 +32,7 @@ from .simplify import appearance_judge, high_surface
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import DecimationSource, LowMesh
+from .simplify.skins import Skin
 
 SEARCHED = 0.8
 """The share of the work that is done before the maps are baked."""
@@ -85,6 +86,9 @@ def work(
     _check(job, wanted, settings)
     with temporary.only_if_finished(), all_or_none(), temporary.meshes(), kept_pictures(), ExitStack() as stack:
         high, lows = None, [] if job.low in job.highs else [Low(job.low, wanted, HowMade(is_made=False))]
+        skin = Skin.of(job.highs if not lows else [job.low], settings.map.modifiers)
+        if not lows or wanted.levels:
+            stack.enter_context(skin.at_rest(context, job.highs))
         if not lows or wanted.levels or wanted.distance < math.inf:
             check_gpu()
             yield Progress("Reading the high objects", 0.0)
@@ -99,6 +103,8 @@ def work(
             _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), SEARCHED, 1.0
         )
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
+        notes = skin.carry(context, [low.obj for low in lows if low.how.is_made])
+        reports[0] = reports[0].with_warnings(notes)
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in reports)

@@ -30,6 +30,7 @@ from . import bake_jobs, temporary
 from .job import Job, check_clashes, check_gpu, files_kept
 from .simplify import decimation
 from .simplify.decimation import UvDecimation, UvMesh
+from .simplify.skins import Skin
 from .simplify.texel_judge import Deviations, TexelJudge
 
 SEARCHED = 0.85
@@ -106,7 +107,14 @@ def work(
     settings.check()
     settings = settings.read_by(context.scene.render.engine).traced(method=Method.FLATTEN).stored(single_user=True)
     _check(context, obj, len(limits), settings)
-    with temporary.only_if_finished(), all_or_none(), temporary.meshes(), gpu_memory.trimmed():
+    skin = Skin.of([obj], settings.map.modifiers)
+    with (
+        temporary.only_if_finished(),
+        all_or_none(),
+        temporary.meshes(),
+        gpu_memory.trimmed(),
+        skin.at_rest(context),
+    ):
         yield Progress(f"Reading {obj.name}", 0.0)
         original = decimation.read_original(context, obj, settings.map.uv_layer, settings.map.modifiers)
         levels = _Levels(original, settings, pace)
@@ -116,10 +124,11 @@ def work(
         jobs = [Job(level, [ref.resolve()]) for level in objects]
         baking = bake_jobs.work(context, jobs, settings, pace)
         bakes = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
+        notes = skin.carry(context, objects)
     reports = [
         replace(level, name=obj.name, bake=bake) for obj, (_, level), bake in zip(objects, made, bakes, strict=True)
     ]
-    warnings = [*left_out, *dict.fromkeys(warning for bake in bakes for warning in bake.warnings)]
+    warnings = [*left_out, *notes, *dict.fromkeys(warning for bake in bakes for warning in bake.warnings)]
     seconds = time.perf_counter() - start
     return ChainReport(
         ref.resolve().name, original.triangles, collection.name, reports, levels.count, seconds, warnings
@@ -127,12 +136,17 @@ def work(
 
 
 def put_beside(context: bpy.types.Context, chain: ChainReport) -> None:
-    """Move the levels of a finished chain into a row beside their original, along the X axis of the scene."""
+    """Move the levels of a finished chain into a row beside their original, along the X axis of the scene.
+
+    An armature would deform them there as if they were here: levels with one stay.
+    """
     reports = [level.bake for level in chain.levels]
     original, objects = reports[0].refs[1].resolve(), [report.refs[0].resolve() for report in reports]
     corners = np.array([original.matrix_world @ Vector(corner) for corner in original.bound_box])
     step = (1.0 + GAP) * float(np.ptp(corners[:, 0]))
     for number, obj in enumerate(objects, start=1):
+        if any(modifier.type == "ARMATURE" for modifier in obj.modifiers):
+            continue
         obj.matrix_world = Matrix.Translation((number * step, 0.0, 0.0)) @ original.matrix_world
     context.view_layer.update()
 

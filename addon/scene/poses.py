@@ -204,7 +204,7 @@ def _mute(obj: bpy.types.Object, deformer: Deformer, restore: ExitStack) -> None
 
 
 def _deformers(obj: bpy.types.Object, for_render: bool) -> list[Deformer]:
-    deformers = [_of_rig(rig) for rig in dict.fromkeys(_rigs(obj, for_render)) if rig.data.pose_position == "POSE"]
+    deformers = [_of_rig(rig) for rig in dict.fromkeys(rigs(obj, for_render)) if rig.data.pose_position == "POSE"]
     keys = obj.data.shape_keys
     for key in keys.key_blocks[1:] if keys is not None else ():
         if key.value and not key.mute:
@@ -219,7 +219,7 @@ def _of_rig(rig: bpy.types.Object) -> Deformer:
     return Deformer("rig", rig.name, ("RIG", rig.session_uid))
 
 
-def _rigs(obj: bpy.types.Object, for_render: bool) -> Iterator[bpy.types.Object]:
+def rigs(obj: bpy.types.Object, for_render: bool) -> Iterator[bpy.types.Object]:
     """The armature objects whose poses move an object or its mesh."""
     for modifier in obj.modifiers:
         if modifier.type == "ARMATURE" and (modifier.show_render if for_render else modifier.show_viewport):

@@ -1,0 +1,488 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Armatures, vertex groups and shape keys that low meshes get: weights and offsets by closed forms."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Quaternion
+
+from addon.core.asset_limits import Wanted
+from addon.core.levels import limits
+from addon.core.naming import Suffixes
+from addon.core.progress import Pace, finish
+from addon.core.settings import Settings
+from addon.export import engine_files
+from addon.jobs import asset, lod
+from addon.jobs.job import Job
+from addon.jobs.simplify import skins
+from addon.jobs.simplify.skins import Skin
+from addon.scene import mesh_reader
+from tests.support import glb, quick_assets, scenes, zoo
+from tests.support.snapshot import difference, snapshot
+
+SETTINGS = Settings(width=64, height=64, storage="MEMORY", margin=2, basis="MIKKTSPACE")
+TURN = Quaternion((1.0, 2.0, -0.5), 0.9)
+ODD = Matrix.LocRotScale((3.0, -2.0, 1.0), TURN, (2.0, 0.5, 1.5))
+
+
+def rod(name, around, along):
+    """A square rod of the height 4 on the ground, open at its ends, with outward normals. around: a multiple of 4."""
+
+    def surface(u, v):
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)], float)
+        side = 4.0 * u
+        x, y = (np.interp(side, np.arange(5), axis) for axis in corners.T)
+        return np.stack([x, y, 4.0 * v], axis=1)
+
+    return zoo.sheet(name, surface, around, along)
+
+
+def armature(name="rig", bones=("root", "tip")):
+    """Bones of the length 2 above each other, and a control that deforms nothing."""
+    rig = scenes.link(bpy.data.objects.new(name, bpy.data.armatures.new(name)))
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for number, bone in enumerate((*bones, "control")):
+        made = rig.data.edit_bones.new(bone)
+        made.head, made.tail = (0.0, 0.0, 2.0 * number), (0.0, 0.0, 2.0 * number + 2.0)
+        made.use_deform = bone != "control"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return rig
+
+
+def arm(obj, rig):
+    modifier = obj.modifiers.new("Rig", "ARMATURE")
+    modifier.object = rig
+    return modifier
+
+
+def bend(rig, bone="tip"):
+    rig.pose.bones[bone].rotation_mode = "QUATERNION"
+    rig.pose.bones[bone].rotation_quaternion = TURN
+
+
+def points(obj):
+    return mesh_reader.points(obj.data).astype(np.float64)
+
+
+def in_world(obj):
+    matrix = np.array(obj.matrix_world)
+    return points(obj) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def evaluated(obj):
+    """The vertices of an object as they are shown, in world space."""
+    shown = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    matrix = np.array(shown.matrix_world)
+    return mesh_reader.points(shown.data).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def weights(obj, name):
+    """The weights of all vertices in a group, -1 where they are not in it."""
+    number = obj.vertex_groups[name].index
+    return np.array([next((g.weight for g in v.groups if g.group == number), -1.0) for v in obj.data.vertices])
+
+
+def add_key(obj, name, moved, value=0.0):
+    """A shape key with the vertices (V, 3) at `moved`."""
+    if obj.data.shape_keys is None:
+        obj.shape_key_add(name="Rest", from_mix=False)
+    key = obj.shape_key_add(name=name, from_mix=False)
+    key.points.foreach_set("co", moved.astype(np.float32).reshape(-1))
+    key.value = value
+    return key
+
+
+def key_points(obj, name):
+    key = obj.data.shape_keys.key_blocks[name]
+    return np.array([point.co for point in key.points])
+
+
+def rods():
+    """A fine rod with two bones and a coarse one: the tip's weight is 0 up to z = 1, 1 from z = 3, linear between."""
+    high, low, rig = rod("High", 16, 16), rod("Low", 4, 5), armature()
+    tip = np.clip((points(high)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
+    scenes.weigh(high, "root", 1.0 - tip)
+    scenes.weigh(high, "tip", tip)
+    arm(high, rig)
+    return high, low, rig
+
+
+def carried(highs, lows, modifiers="VIEWPORT"):
+    bpy.context.view_layer.update()
+    skin = Skin.of(highs, modifiers)
+    with skin.at_rest(bpy.context):
+        return skin.carry(bpy.context, lows)
+
+
+@pytest.mark.parametrize("modifiers", ["VIEWPORT", "RENDER"])
+def test_a_rod_gets_the_weights_of_its_bones(modifiers):
+    high, low, rig = rods()
+    bend(rig)
+    assert carried([high], [low], modifiers) == []
+    z = points(low)[:, 2]
+    tip = np.clip((z - 1.0) / 2.0, 0.0, 1.0)
+    np.testing.assert_allclose(np.maximum(weights(low, "tip"), 0.0), tip, atol=1e-6)
+    np.testing.assert_allclose(np.maximum(weights(low, "root"), 0.0), 1.0 - tip, atol=1e-6)
+    assert (weights(low, "tip")[z < 0.9] == -1.0).all()  # and is not in the group
+    (modifier,) = low.modifiers
+    assert (modifier.type, modifier.object, modifier.name) == ("ARMATURE", rig, "Rig")
+    assert rig.data.pose_position == "POSE"
+    bpy.context.view_layer.update()
+    assert np.abs(evaluated(low) - points(low)).max() > 1.0
+    corners = {tuple(np.round(place, 4)) for place in evaluated(high)}
+    ends = evaluated(low)[np.isin(z, (0.0, 4.0))]
+    assert {tuple(np.round(place, 4)) for place in ends} <= corners
+
+
+def test_the_copy_of_a_modifier_deforms_alike():
+    high, low, rig = rods()
+    high.modifiers[0].use_deform_preserve_volume = True
+    high.modifiers[0].vertex_group, high.modifiers[0].invert_vertex_group = "root", True
+    hidden = high.modifiers.new("Off", "ARMATURE")
+    hidden.object, hidden.show_viewport = rig, False
+    other = low.modifiers.new("Triangulate", "TRIANGULATE")
+    carried([high], [low])
+    assert list(low.modifiers)[1] == other and len(low.modifiers) == 2
+    made = low.modifiers[0]
+    assert made.use_deform_preserve_volume and made.invert_vertex_group and made.vertex_group == "root"
+
+
+def test_at_most_four_bones_move_a_vertex_and_their_weights_are_one():
+    """Six bones and a mask on a triangle; Blender deforms by weights over their sum."""
+    source = np.array([[0.5, 0.4, 0.3, 0.2, 0.1, 0.5, 0.9], [2, 0, 0, 0, 0, 0, 0.3], [0, 0, 0, 0, 0, 0, 0.6]], float)
+    is_bone = np.array([True] * 6 + [False])
+    corners = np.array([[0, 1, 2]] * 4)
+    shares = np.array([[1, 0, 0], [0.5, 0.5, 0], [0.1, 0.2, 0.7], [0.2, 0.3, 0.5]])
+    found = skins.mixed_weights(source, corners, shares, is_bone)
+    first = np.array([0.5, 0.4, 0.3, 0.0, 0.0, 0.5]) / 1.7
+    np.testing.assert_allclose(found[0, :6], first)
+    half = np.array([0.625, 0.1, 0.075, 0.0, 0.0, 0.125])
+    np.testing.assert_allclose(found[1, :6], half / half.sum())
+    np.testing.assert_array_equal(found[2, :6], 0.0)  # most of it stays where it is
+    assert found[3, :6].sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(found[:, 6], shares @ [0.9, 0.3, 0.6])
+    np.testing.assert_array_equal(source[1, :2], [2.0, 0.0])
+
+
+def test_places_on_the_other_side_of_a_gap_are_left_out():
+    """Lips: two sheets that face each other, and places that lie beyond the middle between them."""
+    lower, upper = zoo.plane("lower", 4), zoo.plane("upper", 4)
+    corners = mesh_reader.corner_vertices(lower.data).reshape(-1, 4)
+    triangles = np.concatenate([corners[:, :3], corners[:, [0, 2, 3]]])
+    high = np.concatenate([points(lower), points(upper) + [0.0, 0.0, 0.1]])
+    both = np.concatenate([triangles, triangles[:, ::-1] + len(points(lower))])
+    rng = np.random.default_rng(3)
+    places = np.append(rng.uniform(-0.9, 0.9, (50, 2)), np.full((50, 1), 0.07), axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (50, 1))
+    for turn in np.eye(3), np.roll(np.eye(3), 1, axis=0), np.roll(np.eye(3), 2, axis=0):
+        for sign, height in ((1.0, 0.0), (-1.0, 0.1)):
+            found, shares = skins.nearest_places(high @ turn, both, places @ turn, sign * up @ turn)
+            on = (shares[..., None] * (high @ turn)[both[found]]).sum(axis=1) @ turn.T
+            np.testing.assert_allclose(on[:, :2], places[:, :2], atol=1e-6)
+            np.testing.assert_allclose(on[:, 2], height, atol=1e-6)
+    found, _ = skins.nearest_places(high[: len(points(lower))], triangles, places, -up)
+    assert len(found) == 50  # none looks that way: the nearest one
+
+
+def test_shape_keys_that_are_affine_are_exact():
+    """Objects are turned and scaled unevenly; one key is relative to another one."""
+    high, low = rod("High", 16, 16), rod("Low", 4, 5)
+    high.matrix_world = ODD
+    low.data.transform(Matrix.Translation((-1.0, 0.0, 0.0)) @ ODD)
+    low.matrix_world = Matrix.Translation((1.0, 0.0, 0.0))
+    rng = np.random.default_rng(5)
+    first, second = rng.normal(0.0, 1.0, (2, 3, 4))
+    at = points(high)
+    add_key(high, "one", at + at @ first[:, :3].T + first[:, 3], value=0.3)
+    two = add_key(high, "two", points(high) + at @ (first + second)[:, :3].T + (first + second)[:, 3])
+    two.relative_key = high.data.shape_keys.key_blocks["one"]
+    two.slider_min, two.slider_max, two.mute = -2.0, 3.0, True
+    assert carried([high], [low]) == []
+    own = np.linalg.inv(np.array(ODD))
+    here = in_world(low) @ own[:3, :3].T + own[:3, 3]
+    for name, affine in (("one", first), ("two", second)):
+        moved = (here @ affine[:, :3].T + affine[:, 3]) @ np.array(ODD)[:3, :3].T
+        np.testing.assert_allclose(key_points(low, name) - points(low), moved, atol=2e-5)
+    keys = low.data.shape_keys.key_blocks
+    assert [(key.name, round(key.value, 4), key.mute) for key in keys[1:]] == [("one", 0.3, False), ("two", 0.0, True)]
+    assert (keys["two"].slider_min, keys["two"].slider_max) == (-2.0, 3.0)
+    assert keys[0].name == "Rest" and keys["two"].relative_key == keys[0]
+    before = high.data.shape_keys.key_blocks
+    assert [key.mute for key in before] == [False, False, True] and not high.show_only_shape_key
+
+
+def test_keys_follow_the_same_drivers():
+    high, low = rod("High", 8, 8), rod("Low", 4, 2)
+    key = add_key(high, "one", points(high) * 1.5)
+    driver = key.driver_add("value").driver
+    driver.type, driver.expression = "SCRIPTED", "0.25"
+    carried([high], [low])
+    bpy.context.view_layer.update()
+    assert low.data.shape_keys.evaluated_get(bpy.context.evaluated_depsgraph_get()).key_blocks[
+        "one"
+    ].value == pytest.approx(0.25)
+
+
+def test_weights_of_subdivided_meshes_are_those_that_are_shown():
+    high, low, rig = rods()
+    high.modifiers.new("Subdivision", "SUBSURF").subdivision_type = "SIMPLE"
+    carried([high], [low])
+    tip = np.clip((points(low)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
+    np.testing.assert_allclose(np.maximum(weights(low, "tip"), 0.0), tip, atol=1e-6)
+
+
+def test_a_key_of_which_a_modifier_makes_another_mesh_is_left_out():
+    high, low = rod("High", 16, 16), rod("Low", 4, 5)
+    add_key(high, "flat", points(high) * [1.0, 1.0, 0.0])
+    add_key(high, "wide", points(high) * [2.0, 2.0, 1.0])
+    weld = high.modifiers.new("Weld", "WELD")
+    weld.merge_threshold = 0.01
+    (note,) = carried([high], [low])
+    assert "makes another mesh of 'flat'" in note
+    assert [key.name for key in low.data.shape_keys.key_blocks] == ["Rest", "wide"]
+
+
+def test_groups_keep_their_names_order_and_locks():
+    """A locked group, one without vertices, one of no bone, and sides that mirror each other."""
+    high, low = rod("High", 16, 16), rod("Low", 4, 5)
+    rig = armature(bones=("hand.L", "hand.R", "unused"))
+    x = points(high)[:, 0]
+    scenes.weigh(high, "hand.L", (1.0 + x) / 2.0)
+    scenes.weigh(high, "hand.R", (1.0 - x) / 2.0).lock_weight = True
+    high.vertex_groups.new(name="unused")
+    scenes.weigh(high, "cloth", points(high)[:, 2] / 8.0)
+    arm(high, rig)
+    carried([high], [low])
+    assert [(group.name, group.lock_weight) for group in low.vertex_groups] == [
+        ("hand.L", False),
+        ("hand.R", True),
+        ("unused", False),
+        ("cloth", False),
+    ]
+    place = points(low)
+    np.testing.assert_allclose(np.maximum(weights(low, "hand.L"), 0.0), (1.0 + place[:, 0]) / 2.0, atol=1e-6)
+    np.testing.assert_allclose(np.maximum(weights(low, "cloth"), 0.0), place[:, 2] / 8.0, atol=1e-6)
+    assert (weights(low, "unused") == -1.0).all()
+
+
+@pytest.mark.parametrize("kind", ["OBJECT", "BONE", "ARMATURE"])
+def test_a_parent_is_kept_and_nothing_moves(kind):
+    high, low, rig = rod("High", 8, 8), rod("Low", 4, 4), armature()
+    rig.matrix_world = Matrix.LocRotScale((1.0, 2.0, 3.0), TURN, (0.5,) * 3)
+    bpy.context.view_layer.update()
+    low.matrix_world = high.matrix_world = Matrix.Translation((0.0, 5.0, 0.0))
+    scenes.weigh(high, "root", 1.0)
+    high.parent, high.parent_type, high.parent_bone = rig, kind, "tip" if kind == "BONE" else ""
+    bpy.context.view_layer.update()
+    high.matrix_world = Matrix.Translation((0.0, 5.0, 0.0))
+    bpy.context.view_layer.update()
+    before = in_world(low)
+    carried([high], [low])
+    assert (
+        low.parent == rig
+        and (low.parent_type, low.parent_bone)
+        == {
+            "OBJECT": ("OBJECT", ""),
+            "BONE": ("BONE", "tip"),
+            "ARMATURE": ("OBJECT", ""),
+        }[kind]
+    )
+    assert [modifier.type for modifier in low.modifiers] == (["ARMATURE"] if kind == "ARMATURE" else [])
+    np.testing.assert_allclose(in_world(low), before, atol=1e-5)
+    bend(rig, "root" if kind == "ARMATURE" else "tip")
+    bpy.context.view_layer.update()
+    shown, original = evaluated(low), evaluated(high)
+    assert (np.abs(shown - before).max() > 0.1) == (kind != "OBJECT")
+    nearest = np.linalg.norm(shown[:, None] - original, axis=2).min(axis=1)
+    assert nearest.max() < 1e-4  # each vertex lies on one of the high mesh, in each pose
+
+
+def test_a_part_on_a_bone_belongs_to_that_bone():
+    """A rod with a skin, and a hat whose parent is the upper bone."""
+    high, low, rig = rods()
+    hat = zoo.plane("Hat")
+    hat.parent, hat.parent_type, hat.parent_bone = rig, "BONE", "tip"
+    bpy.context.view_layer.update()
+    hat.matrix_world = Matrix.Translation((0.0, 0.0, 6.0))
+    both = zoo.build(
+        "Both", np.concatenate([points(low), points(hat) + [0, 0, 6]]), [[24 + 6, 24 + 7, 24 + 8], [0, 1, 7]]
+    )
+    carried([hat, high], [both])
+    assert both.modifiers[0].object == rig and both.parent_type == "OBJECT"
+    np.testing.assert_allclose(weights(both, "tip")[points(both)[:, 2] > 5.0], 1.0)
+    np.testing.assert_allclose(weights(both, "root")[points(both)[:, 2] < 0.5], 1.0)
+
+
+def test_a_parent_among_the_objects_is_passed():
+    high, eye, low = rod("High", 8, 8), zoo.plane("Eye"), rod("Low", 4, 4)
+    empty = scenes.link(bpy.data.objects.new("Root", None))
+    eye.parent, high.parent = high, empty
+    carried([eye, high], [low])
+    assert low.parent == empty
+
+
+def test_two_armatures_are_one_sentence_and_nothing_is_carried():
+    high, low, rig = rods()
+    other = armature("other")
+    arm(low_hat := rod("Hat", 4, 4), other)
+    bend(rig)
+    (note,) = carried([high, low_hat], [low])
+    assert "2 armatures, 'rig', 'other'" in note
+    assert not low.vertex_groups and not low.modifiers and rig.data.pose_position == "POSE"
+
+
+def bumps(high, height=0.1):
+    """Offsets along the normals (V, 3)."""
+    normals = np.array([normal.vector for normal in high.data.vertex_normals])
+    return height * np.sin(9.0 * points(high)[:, :1]) * normals
+
+
+@pytest.mark.parametrize("is_animated", [False, True])
+def test_layers_of_detail_stay_in_the_shape(is_animated):
+    """A key with a value that moves vertices along their normals alone, unless something drives it."""
+    high, low = zoo.ball("High", 16), zoo.ball("Low", 4)
+    add_key(high, "wrinkles", points(high) + bumps(high), value=1.0)
+    add_key(high, "wide", points(high) * [2.0, 1.0, 1.0], value=0.5)
+    if is_animated:
+        high.data.shape_keys.key_blocks["wide"].keyframe_insert("value", frame=1)
+    detailed = points(high) + bumps(high) * (not is_animated)
+    skin = Skin.of([high], "VIEWPORT")
+    with skin.at_rest(bpy.context):
+        np.testing.assert_allclose(evaluated(high), detailed, atol=1e-6)
+    notes = carried([high], [low])
+    names = [key.name for key in low.data.shape_keys.key_blocks]
+    assert names == (["Rest", "wrinkles", "wide"] if is_animated else ["Rest", "wide"])
+    assert [("'wrinkles'" in note and "layers of detail" in note) for note in notes] == [True] * (not is_animated)
+    if is_animated:
+        assert low.data.shape_keys.animation_data.action == high.data.shape_keys.animation_data.action
+
+
+def test_rest_ends_with_the_block_also_if_it_fails():
+    high, _, rig = rods()
+    add_key(high, "wide", points(high) * [3.0, 1.0, 1.0], value=1.0)
+    other = rod("Other", 4, 4)
+    add_key(other, "tall", points(other) * [1.0, 1.0, 3.0], value=1.0)
+    add_key(other, "off", points(other) * 2.0, value=1.0).mute = True
+    bend(rig)
+    bpy.context.view_layer.update()
+    posed, skin = evaluated(high), Skin.of([high], "VIEWPORT")
+    with pytest.raises(ZeroDivisionError), skin.at_rest(bpy.context, [other]):
+        np.testing.assert_allclose(evaluated(high), points(high), atol=1e-6)
+        np.testing.assert_allclose(evaluated(other), points(other), atol=1e-6)
+        raise ZeroDivisionError
+    np.testing.assert_array_equal(evaluated(high), posed)
+    assert [key.mute for key in other.data.shape_keys.key_blocks] == [False, False, True]
+    with skin.at_rest(bpy.context):
+        bpy.data.objects.remove(rig)
+        bpy.data.objects.remove(high)
+
+
+def test_objects_without_any_of_it_leave_low_meshes_alone():
+    high, low = rod("High", 8, 8), rod("Low", 4, 4)
+    before = snapshot()
+    assert carried([high], [low]) == []
+    assert difference(before, snapshot()) == {}
+
+
+def made(highs, wanted, low=None, settings=SETTINGS):
+    work = asset.work(bpy.context, Job(low or highs[0], highs), wanted, settings, Pace(0.0), suffixes=Suffixes())
+    return finish(work)
+
+
+def character():
+    """A closed ball with two bones and a shape key."""
+    high, rig = zoo.ball("Head_high", 16), armature()
+    high.data.transform(Matrix.Translation((0.0, 0.0, 2.0)))
+    tip = np.clip(points(high)[:, 2] - 1.5, 0.0, 1.0)
+    scenes.weigh(high, "root", 1.0 - tip)
+    scenes.weigh(high, "tip", tip)
+    arm(high, rig)
+    add_key(high, "smile", points(high) * [1.5, 1.0, 1.0])
+    return high, rig
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_an_asset_of_a_posed_mesh_is_that_of_the_mesh_at_rest(tmp_path, monkeypatch):
+    quick_assets.quicken(monkeypatch)
+    high, rig = character()
+    found = []
+    for is_posed in (False, True):
+        if is_posed:
+            bend(rig)
+            high.data.shape_keys.key_blocks["smile"].value = 0.5
+            bpy.context.view_layer.update()
+        (report,) = made([high], Wanted(triangles=150))
+        low = bpy.data.objects[report.low]
+        image = bpy.data.images[report.image]
+        found.append((points(low), np.array(image.pixels)))
+        assert low.vertex_groups.keys() == ["root", "tip"] and low.modifiers[0].object == rig
+        assert low.data.shape_keys.key_blocks["smile"].value == 0.5 * is_posed
+        assert not [text for text in report.warnings if "pose" in text]
+        if not is_posed:
+            bpy.data.objects.remove(low)
+            bpy.data.images.remove(image)
+    assert all(np.array_equal(rest, posed) for rest, posed in zip(*found, strict=True))
+    far = np.linalg.norm(evaluated(low)[:, None] - evaluated(high), axis=2).min(axis=1)
+    assert far.max() < 0.2 and np.abs(evaluated(low) - in_world(low)).max() > 0.5
+    (done,) = engine_files.export_files(bpy.context, [[report]], tmp_path / "head.glb")
+    tree, _ = glb.parse(tmp_path / "head.glb")
+    assert {tree["nodes"][joint]["name"] for joint in tree["skins"][0]["joints"]} >= {"root", "tip"}
+    assert tree["meshes"][0]["extras"]["targetNames"] == ["smile"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gpu_context")
+def test_levels_have_the_skin_of_a_low_mesh_that_is_there(monkeypatch):
+    quick_assets.quicken(monkeypatch)
+    high, rig = character()
+    low = zoo.ball("Head_low", 8)
+    low.data.transform(Matrix.Translation((0.0, 0.0, 2.0)))
+    scenes.weigh(low, "tip", 1.0)
+    arm(low, rig)
+    add_key(low, "frown", points(low) * [1.0, 1.5, 1.0])
+    bend(rig)
+    reports = made([high], Wanted(triangles=200, levels=1), low=low)
+    level = bpy.data.objects[reports[1].low]
+    assert level.vertex_groups.keys() == ["tip"] and (weights(level, "tip") == 1.0).all()
+    assert level.data.shape_keys.key_blocks.keys() == ["Rest", "frown"]
+    assert weights(low, "tip").min() == 1.0 and len(low.modifiers) == 1
+    assert reports[0].appearance["mean"] < 10.0  # both were at rest
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("steps", [2, 5])
+def test_an_asset_that_is_stopped_leaves_pose_and_keys(steps):
+    high, rig = character()
+    bend(rig)
+    high.data.shape_keys.key_blocks["smile"].value = 0.5
+    before = snapshot()
+    work = asset.work(bpy.context, Job(high, [high]), Wanted(triangles=100), SETTINGS, Pace(0.0), suffixes=Suffixes())
+    for _ in range(steps):
+        next(work)
+    assert rig.data.pose_position == "REST"
+    work.close()
+    assert rig.data.pose_position == "POSE" and not high.data.shape_keys.key_blocks["smile"].mute
+    assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_levels_of_detail_have_skin_and_keys_and_stay_in_their_place():
+    original, rig = rod("Rod", 12, 12), armature()
+    tip = np.clip((points(original)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
+    scenes.weigh(original, "root", 1.0 - tip)
+    scenes.weigh(original, "tip", tip)
+    arm(original, rig)
+    add_key(original, "wide", points(original) * [2.0, 1.0, 1.0], value=1.0)
+    bend(rig)
+    report = finish(lod.work(bpy.context, original, limits("", "", "50%"), SETTINGS, Pace()))
+    level = bpy.data.objects[report.levels[0].name]
+    assert np.abs(points(level)[:, 0]).max() < 1.01  # at rest, without the key
+    places = points(level)
+    np.testing.assert_allclose(
+        np.maximum(weights(level, "tip"), 0.0), np.clip((places[:, 2] - 1.0) / 2.0, 0.0, 1.0), atol=1e-5
+    )
+    np.testing.assert_allclose(key_points(level, "wide"), places * [2.0, 1.0, 1.0], atol=1e-5)
+    assert level.data.shape_keys.key_blocks["wide"].value == 1.0 and level.modifiers[0].object == rig
+    lod.put_beside(bpy.context, report)
+    assert level.matrix_world == original.matrix_world
