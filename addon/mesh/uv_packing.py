@@ -1,58 +1,60 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Packs UV islands into a map by their outlines, as large as they fit, with a margin around each.
 
-The map is divided into cells, and an island takes all cells that it touches, with the margin around them. One after the other,
-the largest first, islands go to the lowest place. All cells of the map are the bits of an array of bytes: a part of the array
-has what a row of an island would lie on for all places at once, and an "or" of these parts tells where a cell is taken.
+Islands are turned upright: their straight borders run along u and v. At a size, one after the other, the largest first, goes to
+the lowest free place of a strip as wide as the map. How high the strip is filled tells at which size it is filled to the top of
+the map. Small islands are set side by side in rows first, by their boxes and not in whole cells, and rows are packed together.
 
 Source: the lowest place for one after the other, of Baker, Coffman and Rivest, "Orthogonal packings in two dimensions", 1980;
-islands as cells in several directions, of Sander, Wood, Gortler, Snyder and Hoppe, "Multi-chart geometry images", 2003.
-Tried: Blender's packing by outlines takes up to 215 s for primitives (79 s for a monkey) where this one takes 12 s at most.
+islands as cells in several directions, of Sander, Wood, Gortler, Snyder and Hoppe, "Multi-chart geometry images", 2003; rows
+by height, of Coffman, Garey, Johnson and Tarjan, "Performance bounds for level-oriented two-dimensional packing algorithms",
+1980.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from . import topology
+from . import topology, uv_cells
+from .topology import EdgeTable
 from .triangles import checked
+from .uv_cells import Shapes, Strip
 
 QUICK_CELLS, CELLS = 256, 512
-"""Cells a side, about: up to twice as many, so that the margin is a whole number of them. Fewer in a quick search."""
-TURNS = 2
-"""The directions in which an island is tried in each quarter of the circle, evenly."""
+"""Cells a side, about: up to twice as many, so that the distance of two islands is a whole number of them. Fewer in a quick
+search."""
+DIRECTIONS = 2
+"""The directions in which an island without straight borders is tried in each quarter of the circle, evenly."""
+STRAIGHT = 0.3
+"""The share of an island's outline that runs along one direction, or across, from which on it is upright then."""
 RULES = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))
-"""Which place is the lowest: the weights of the height of the island's center there and of its top. Tried in turn."""
-ORDERS, NOISE, SEED = 6, 0.3, 1
-"""How many orders are tried at a size, at most: by area times a random factor, whose logarithm has a standard deviation of
-NOISE."""
-PLACED = 150
-"""Fewer orders are tried if they have more islands than this together."""
-MOVES = 3
-"""How often the island that does not fit is moved forward in the order."""
-FULL = 0.72
-"""The share of the cells that are taken at the size that is tried first."""
-COARSE, FINE = 1.03, 1.01
-"""The factors on the area by which the size is searched: of one order, and of all."""
+"""Which place is the lowest: the weights of the height of the island's center there and of its top."""
+NOISE, SEED = 0.3, 1
+"""Islands are tried by area, and by area times a random factor, whose logarithm has a standard deviation of NOISE."""
+TRIES, WORK = 4, 1500
+"""Sizes that are tried; more in a search that is not quick, until so many islands were placed together."""
+ORDERS, PLACED = 6, 400
+"""How many orders are tried at a size, at most; fewer if they have more islands than this together."""
+STEP, FINE = 1.01, 1.002
+"""The factors by which the next size differs, at least, and by which it must to be tried at all."""
+MOST, FEWEST = 300, 4
+"""Islands that are packed by their outlines, at most: the smallest of more are in rows. Fewer small ones are in no rows."""
+SMALL = 1.15
+"""An island is small if whole cells make its box larger by this factor."""
+BOXY = 0.8
+"""The share of its box, both with the margin, that a small island takes."""
+WAYS = ((0, False), (0, True), (24, False), (8, True), (60, True), (24, True))
+"""Ways to put islands in rows, tried in turn: in how many blocks, about, 0 for rows as wide as the map in one; and whether all
+that fill their boxes are in rows, or small ones alone."""
+STRIP = 1.5
+"""How high the strip is, in maps."""
+FULL, ROUNDING = 0.85, 0.7
+"""The share of the strip that is expected to be filled, and by how many cells whole ones make a side longer."""
 LEAST_SHARE = 0.02
 """Islands that do not fit at this share of the map are not packed."""
-
-
-@dataclass(frozen=True)
-class _Packed:
-    """Where islands go: a point of island i at `uv` goes to matrices[i] @ uv + offsets[i].
-
-    Attributes:
-        matrices: (I, 2, 2) float64.
-        offsets: (I, 2) float64.
-    """
-
-    matrices: np.ndarray
-    offsets: np.ndarray
-
-    def move(self, uv: np.ndarray, islands: np.ndarray) -> np.ndarray:
-        """Move points (N, 2) of the islands (N,) int."""
-        return (self.matrices[islands] @ uv[:, :, None])[:, :, 0] + self.offsets[islands]
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Turns by a quarter of the circle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ class PackOptions:
     Attributes:
         margin: around each island, as a share of the side. Along u or along v, two islands are twice as far apart.
         islands: (T,) int from 0, the island of each triangle; None for those that are connected.
-        is_quick: whether the size is searched by one order of islands alone, with fewer cells.
+        is_quick: whether few sizes and one order of islands are tried, with fewer cells.
     """
 
     margin: float = 1.0 / 256.0
@@ -92,328 +94,14 @@ def pack(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptio
     islands = options.islands
     if islands is None:
         islands, _ = topology.components(tuple(triangles.T), len(uv))
-    packed = _packed(uv[triangles], islands, options)
-    if packed is None:
+    if not len(triangles):
+        return None
+    places = _Search(uv[triangles].astype(np.float64), islands, options).best()
+    if places is None:
         return None
     of_uvs = np.zeros(len(uv), np.int64)
-    of_uvs[triangles] = islands[:, None]
-    return packed.move(uv, of_uvs)
-
-
-def _packed(corners: np.ndarray, islands: np.ndarray, options: PackOptions) -> _Packed | None:
-    """Where islands go. corners: (T, 3, 2), the UVs of triangles. islands: (T,) int."""
-    order = np.argsort(islands, kind="stable")
-    corners, islands = corners[order].astype(np.float64), islands[order]
-    area = float(0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum())
-    if area == 0.0:
-        return None
-    best = _Packing(corners, islands, area, options.margin, QUICK_CELLS).first()
-    if best is not None and not options.is_quick:
-        best = _Packing(corners, islands, area, options.margin, CELLS).better(best)
-    return None if best is None else best.packed
-
-
-@dataclass(frozen=True)
-class _Fitting:
-    """What fits.
-
-    Attributes:
-        share: of the map, that the triangles have.
-        order: of the islands.
-        rule: its weights, one of RULES.
-        packed: where they go.
-    """
-
-    share: float
-    order: list[int]
-    rule: tuple[float, float]
-    packed: _Packed
-
-
-class _Packing:
-    """The search for the size, which is the triangles' share of the map. Triangles are in the order of their islands."""
-
-    def __init__(self, corners: np.ndarray, islands: np.ndarray, area: float, margin: float, cells: int):
-        self.corners, self.islands, self.area = corners, islands, area
-        self.reach = max(1, int(np.ceil(cells * margin - 1e-6)))
-        self.side = max(2 * self.reach + 1, int(min(self.reach / max(margin, 1e-6), 2.0 * cells) + 1e-6))
-        self.random = np.random.default_rng(SEED)
-
-    def first(self) -> _Fitting | None:
-        """Pack by area, at a size that is guessed and then searched."""
-        share = 0.5
-        for _ in range(3):
-            taken = int(self._shapes(0.0, share)[0].cells.sum())
-            share *= min(2.0, FULL * self.side**2 / taken)
-        share = max(share, LEAST_SHARE)
-        best = self._try(share, None, 1)
-        while best is None and share > LEAST_SHARE:
-            share /= COARSE
-            best = self._try(share, None, 1)
-        return None if best is None else self._grow(best, COARSE, 1)
-
-    def better(self, best: _Fitting) -> _Fitting:
-        """Pack larger, beginning with the order that fits."""
-        orders = max(1, min(ORDERS, PLACED // len(best.order)))
-        return self._grow(self._grow(best, COARSE, 1), FINE, orders)
-
-    def _grow(self, best: _Fitting, factor: float, orders: int) -> _Fitting:
-        while (larger := self._try(best.share * factor, best, orders)) is not None:
-            best = larger
-        return best
-
-    def _try(self, share: float, last: _Fitting | None, orders: int) -> _Fitting | None:
-        """Pack at a size. The first order that is tried is the one that fit last."""
-        angles = 0.5 * np.pi * np.arange(TURNS) / TURNS
-        turned = [shapes for angle in angles.tolist() for shapes in self._shapes(angle, share)]
-        cells = turned[0].cells
-        for k in range(orders):
-            noise = NOISE * self.random.standard_normal(len(cells)) if k else 0.0
-            order = np.argsort(-cells * np.exp(noise), kind="stable").tolist()
-            rule = RULES[k % len(RULES)]
-            if last is not None and k == 0:
-                order, rule = last.order.copy(), last.rule
-            for _ in range(MOVES + 1):
-                places = self._place(turned, order, rule)
-                if len(places) == len(order):
-                    return _Fitting(share, order, rule, self._packed(turned, places))
-                order.insert(len(places) // 2, order.pop(len(places)))
-        return None
-
-    def _shapes(self, angle: float, share: float) -> list["_Shapes"]:
-        """The islands in a direction, and turned by one to three quarters of the circle from there."""
-        cosine, sine = self.side * np.sqrt(share / self.area) * np.array([np.cos(angle), np.sin(angle)])
-        matrix = np.array([[cosine, -sine], [sine, cosine]])
-        turned = self.corners @ matrix.T
-        starts = np.flatnonzero(np.diff(self.islands, prepend=-1))
-        least = np.minimum.reduceat(turned.min(axis=1), starts)
-        extent = np.maximum.reduceat(turned.max(axis=1), starts) - least
-        inner = np.minimum(np.floor(extent) + 1.0, 2.0 * self.side)  # those that are larger do not fit anyway
-        corner = (
-            least - 0.5 * np.maximum(inner - extent, 0.0) - self.reach
-        )  # with as much place on one side as on the other
-        size = inner.astype(np.int64) + 2 * self.reach
-        turned -= (corner + self.reach)[self.islands][:, None]
-        mask, first_rows = _rasterize_conservative(turned, self.islands, size, self.reach)
-        (left, bottom), (right, top), (wide, high) = corner.T, (corner + size).T, size.T
-        quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
-        row, column, length = _runs(mask)
-        owner = np.searchsorted(first_rows, row, side="right") - 1
-        row -= first_rows[owner]
-        end = wide[owner] - column - length
-        along_u = [
-            _Shapes(matrix, (left, bottom), (wide, high), _Runs(owner, row, column, length), self.side),
-            _Shapes(-matrix, (-right, -top), (wide, high), _Runs(owner, high[owner] - 1 - row, end, length), self.side),
-        ]
-        column, row, length = _runs(np.ascontiguousarray(mask.T))
-        order = np.argsort(row, kind="stable")  # by islands
-        column, row, length = column[order], row[order], length[order]
-        owner = np.searchsorted(first_rows, row, side="right") - 1
-        row -= first_rows[owner]
-        end, column_2 = high[owner] - row - length, wide[owner] - 1 - column
-        matrix = quarter @ matrix
-        along_v = [
-            _Shapes(matrix, (-top, left), (high, wide), _Runs(owner, column, end, length), self.side),
-            _Shapes(-matrix, (bottom, -right), (high, wide), _Runs(owner, column_2, row, length), self.side),
-        ]
-        return along_u + along_v
-
-    def _place(
-        self, turned: list["_Shapes"], order: list[int], rule: tuple[float, float]
-    ) -> dict[int, tuple[int, int, int]]:
-        """Place islands one after the other, up to the first that does not fit. Returns the direction of each, and the first
-        cell along u and v."""
-        by_center, by_top = rule
-        taken, places = _OccupancyGrid(self.side), {}
-        for island in order:
-            best, lowest = None, np.inf
-            above = [by_center * shapes.centers[island] + by_top * shapes.sizes[island][1] for shapes in turned]
-            for k in sorted(range(len(turned)), key=above.__getitem__):
-                place = taken.first_free(turned[k], island, min(lowest - above[k], self.side))
-                if place is not None and place[1] + above[k] < lowest:
-                    best, lowest = (k, *place), place[1] + above[k]
-            if best is None:
-                break
-            places[island] = best
-            taken.add(turned[best[0]], island, *best[1:])
-        return places
-
-    def _packed(self, turned: list["_Shapes"], places: dict[int, tuple[int, int, int]]) -> _Packed:
-        where = [places[island] for island in range(len(places))]
-        matrices = np.stack([turned[k].matrix for k, _, _ in where]) / self.side
-        corners = np.array([turned[k].corners[island] for island, (k, _, _) in enumerate(where)])
-        return _Packed(matrices, (np.array([place for _, *place in where], float) - corners) / self.side)
-
-
-@dataclass(frozen=True)
-class _Runs:
-    """Cells side by side in a row, by islands.
-
-    Attributes:
-        owner: (R,) int, their island.
-        row: (R,) int.
-        column: (R,) int, of the first of them.
-        length: (R,) int, how many.
-    """
-
-    owner: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
-    length: np.ndarray
-
-
-class _Shapes:
-    """The cells of all islands in one direction and size.
-
-    matrix (2, 2): from UVs to cells. corners (I, 2): where the first cell of each island is then. sizes: the cells along u and
-    v. cells (I,): how many there are. centers: the mean row. parts: where the bytes start that tell what each run of an island
-    would lie on, if it starts at the first cell. runs: the rows, the columns and the lengths. All count the margin.
-    """
-
-    def __init__(
-        self,
-        matrix: np.ndarray,
-        corner: tuple[np.ndarray, np.ndarray],
-        size: tuple[np.ndarray, np.ndarray],
-        runs: "_Runs",
-        side: int,
-    ):
-        self.matrix, self.corners = matrix, np.stack(corner, axis=1)
-        self.sizes = list(zip(*[x.tolist() for x in size], strict=True))
-        count = len(self.sizes)
-        self.cells = np.bincount(runs.owner, runs.length, count)
-        self.centers = (np.bincount(runs.owner, runs.length * runs.row, count) / self.cells).tolist()
-        # A run is covered by two that overlap, of a length that is a power of two.
-        power = np.frexp(runs.length)[1] - 1
-        first = runs.row * 8 * _bytes(side) + runs.column
-        bits = np.stack([first, first + runs.length - (1 << power)], axis=1)
-        parts = (power[:, None] * 8 + bits % 8) * (side * _bytes(side)) + bits // 8
-        cuts = np.searchsorted(runs.owner, np.arange(count + 1)).tolist()
-        bounds = list(zip(cuts[:-1], cuts[1:], strict=True))
-        self.parts = [list(dict.fromkeys(parts[a:b].reshape(-1).tolist())) for a, b in bounds]
-        self.runs = [(runs.row[a:b], runs.column[a:b], runs.length[a:b]) for a, b in bounds]
-
-
-class _OccupancyGrid:
-    """The cells of the map that are taken. Rows are whole bytes, whose lowest bit is the first cell."""
-
-    def __init__(self, side: int):
-        self.side, self.wide = side, _bytes(side)
-        self._cells = np.zeros((side, 8 * self.wide), bool)
-        # [k, b]: from which cells one of the next 2^k cells in the row is taken, moved down by b bits.
-        self._moved = np.zeros((side.bit_length(), 8, side * self.wide), np.uint8)
-        self._parts = self._moved.reshape(-1)
-        self._over = np.empty(side * self.wide, np.uint8)
-        self._outside: dict[int, np.ndarray] = {}
-
-    def first_free(self, shapes: _Shapes, island: int, limit: float) -> tuple[int, int] | None:
-        """The first cell (along u and v) where the island does not overlap taken ones, in the rows below a limit."""
-        width, height = shapes.sizes[island]
-        rows = int(min(self.side - height + 1, np.ceil(limit)))
-        if width > self.side or rows <= 0:
-            return None
-        length = rows * self.wide
-        over = self._over[:length]
-        over[:] = self._too_far(width)[:length]
-        for start in shapes.parts[island]:
-            np.bitwise_or(over, self._parts[start : start + length], over)
-        is_free = over != 255
-        byte = int(is_free.argmax())
-        if not is_free[byte]:
-            return None
-        free = ~int(over[byte]) & 255
-        row, column = divmod(8 * byte + (free & -free).bit_length() - 1, 8 * self.wide)
-        return column, row
-
-    def _too_far(self, width: int) -> np.ndarray:
-        """The cells where an island of this width cannot start."""
-        if width not in self._outside:
-            row = np.arange(8 * self.wide) > self.side - width
-            self._outside[width] = np.tile(np.packbits(row, bitorder="little"), self.side)
-        return self._outside[width]
-
-    def add(self, shapes: _Shapes, island: int, column: int, row: int) -> None:
-        """Take the cells of an island whose first cell is given."""
-        height = shapes.sizes[island][1]
-        steps = np.zeros((height, 8 * self.wide + 1), np.int8)
-        rows, columns, lengths = shapes.runs[island]
-        steps[rows, column + columns] += 1
-        steps[rows, column + columns + lengths] -= 1
-        cells = self._cells[row : row + height]
-        cells |= np.cumsum(steps[:, :-1], axis=1, dtype=np.int8) > 0
-        # The row before also sees the first cells of this one.
-        first = max(row - 1, 0)
-        part = slice(first * self.wide, (row + height) * self.wide)
-        moved = self._moved[:, :, part]
-        moved[0, 0] = np.packbits(self._cells[first : row + height], bitorder="little")
-        for k in range(1, len(moved)):
-            moved[k, 0] = moved[k - 1, 0] | _shift_left(moved[k - 1, 0], 1 << (k - 1))
-        for bits in range(1, 8):
-            moved[:, bits] = _shift_left(moved[:, 0], bits)
-
-
-def _bytes(side: int) -> int:
-    """How many bytes a row of cells has."""
-    return (side + 7) // 8
-
-
-def _shift_left(cells: np.ndarray, bits: int) -> np.ndarray:
-    """Cells (..., N) uint8 moved down by a number of bits: the first ones get lost."""
-    moved = np.zeros_like(cells)
-    whole, rest = divmod(bits, 8)
-    length = max(0, cells.shape[-1] - whole)
-    moved[..., :length] = cells[..., whole:] >> rest
-    if rest:
-        moved[..., : max(0, length - 1)] |= cells[..., whole + 1 :] << (8 - rest)
-    return moved
-
-
-def _rasterize_conservative(
-    corners: np.ndarray, islands: np.ndarray, size: np.ndarray, reach: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The cells that triangles touch, or are `reach` from those.
-
-    Returns a mask (rows, columns) bool with the islands one below the other, and the first row of each. The last column is
-    empty, and a row after each island.
-    """
-    first_rows = np.cumsum(size[:, 1] + 1) - size[:, 1] - 1
-    triangle, row, first, last = _spans(corners, size[islands, 1] - 2 * reach)
-    columns = int(min(size[:, 0].max(), 2**31)) + 1
-    limit = size[islands, 0][triangle] - 1
-    start = np.clip(first, 0, limit).astype(np.int64)
-    stop = np.clip(last + 1 + 2 * reach, 1, limit + 1).astype(np.int64)
-    at = (first_rows[islands][triangle] + np.minimum(row, size[islands, 1][triangle] - 1 - 2 * reach) + reach) * columns
-    length = int((size[:, 1] + 1).sum()) * columns
-    steps = np.bincount(at + start, minlength=length) - np.bincount(at + stop, minlength=length)
-    mask = np.cumsum(steps).reshape(-1, columns) > 0
-    grown = mask.copy()
-    for step in range(1, reach + 1):  # the first and the last rows of an island are empty so far
-        grown[step:] |= mask[:-step]
-        grown[:-step] |= mask[step:]
-    return grown, first_rows
-
-
-def _spans(corners: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The rows of cells that triangles (T, 3, 2) touch, at most so many (T,) of each: the triangle, the row, and where the
-    triangle begins and ends in it."""
-    bottom, top = np.floor(corners[:, :, 1].min(axis=1)), np.floor(corners[:, :, 1].max(axis=1))
-    count = np.minimum(top - bottom + 1, most).astype(np.int64)
-    triangle = np.repeat(np.arange(len(corners)), count)
-    row = topology.ranges(bottom.astype(np.int64), count)
-    first, last = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        (x, y), (dx, dy) = corners[:, a].T, (corners[:, b] - corners[:, a]).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(dy == 0.0, 0.0, dx / dy)
-        low, high = np.minimum(y, y + dy)[triangle], np.maximum(y, y + dy)[triangle]
-        meets = (low < row + 1.0) & (high >= row)
-        x, y, slope = x[triangle], y[triangle], slope[triangle]
-        ends = [x + (np.clip(row + step, low, high) - y) * slope for step in (0.0, 1.0)]
-        flat = (dy == 0.0)[triangle]
-        ends[1] = np.where(flat, x + dx[triangle], ends[1])
-        first = np.where(meets, np.minimum(first, np.minimum(*ends)), first)
-        last = np.where(meets, np.maximum(last, np.maximum(*ends)), last)
-    return triangle, row, first, last
+    of_uvs[triangles] = np.unique(islands, return_inverse=True)[1][:, None]
+    return places.move(uv, of_uvs)
 
 
 def are_apart(corners: np.ndarray, islands: np.ndarray, gap: float) -> bool:
@@ -425,7 +113,7 @@ def are_apart(corners: np.ndarray, islands: np.ndarray, gap: float) -> bool:
     """
     side = int(1.0 / gap)
     cells = np.clip(corners.astype(np.float64), 0.0, 1.0) * side
-    triangle, row, first, last = _spans(cells, np.full(len(cells), side + 1))
+    triangle, row, first, last = uv_cells.spans(cells, np.full(len(cells), side + 1))
     first, last = (np.clip(np.floor(end), 0, side).astype(np.int64) for end in (first, last))
     length = last - first + 1
     cell = topology.ranges(first, length) + np.repeat(row, length) * (side + 1)
@@ -435,7 +123,344 @@ def are_apart(corners: np.ndarray, islands: np.ndarray, gap: float) -> bool:
     return bool((owner[cell] == numbers).all())
 
 
-def _runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The row, the first column and the length of each run in the rows of a mask whose last column is empty."""
-    starts, lengths = topology.runs(mask.reshape(-1))
-    return *np.divmod(starts, mask.shape[1]), lengths
+def upright(corners: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """By which angle (I,) to turn islands so that they lie along u and v, and which (I,) bool have straight borders.
+
+    Most of straight borders run along the axes then; without such, the island's box is as small as it can be.
+
+    Args:
+        corners: (T, 3, 2) float, the UVs of triangles.
+        islands: (T,) int from 0.
+    """
+    count = int(islands.max(initial=-1)) + 1
+    points = corners.reshape(-1, 2)
+    rows = np.column_stack([points + 0.0, np.repeat(islands, 3)])
+    sides = EdgeTable.of(topology.first_rows(rows).reshape(-1, 3)).alone
+    if not len(sides):
+        return np.zeros(count), np.zeros(count, bool)
+    start, owner = points[sides], islands[sides // 3]
+    along = points[sides - sides % 3 + (sides + 1) % 3] - start
+    length, angle = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0]) % (0.5 * np.pi)
+    # Directions in a quarter of the circle, by degrees, each with its two neighbors.
+    step = 0.5 * np.pi / 90
+    bins = np.bincount(owner * 90 + (angle / step).astype(np.int64) % 90, length, count * 90).reshape(count, 90)
+    near = bins + np.roll(bins, 1, axis=1) + np.roll(bins, -1, axis=1)
+    most = near.argmax(axis=1)
+    is_straight = near[np.arange(count), most] >= STRAIGHT * np.maximum(bins.sum(axis=1), 1e-300)
+    middle = (most + 0.5) * step
+    away = (angle - middle[owner] + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi
+    weights = np.where(np.abs(away) <= 1.5 * step, length, 0.0)
+    total = np.bincount(owner, weights, count)
+    middle += np.bincount(owner, weights * away, count) / np.where(total > 0.0, total, 1.0)
+    order = np.argsort(owner, kind="stable")
+    begins = np.flatnonzero(np.diff(owner[order], prepend=-1))
+    least, found = np.full(len(begins), np.inf), np.zeros(len(begins))
+    for turn in np.arange(0.0, 0.5 * np.pi, 2.0 * step):
+        turned = start[order] @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        extent = np.maximum.reduceat(turned, begins) - np.minimum.reduceat(turned, begins)
+        box = extent.prod(axis=1)
+        found, least = np.where(box < least * (1.0 - 1e-9), turn, found), np.minimum(box, least)
+    smallest = np.zeros(count)
+    smallest[owner[order][begins]] = found
+    return -np.where(is_straight, middle, smallest), is_straight
+
+
+def _rotations(angles: np.ndarray) -> np.ndarray:
+    """The matrices (I, 2, 2) that turn by angles (I,)."""
+    cosine, sine = np.cos(angles), np.sin(angles)
+    return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where islands go: a point of island i at `uv` goes to matrices[i] @ uv + offsets[i].
+
+    Attributes:
+        matrices: (I, 2, 2) float64.
+        offsets: (I, 2) float64.
+    """
+
+    matrices: np.ndarray
+    offsets: np.ndarray
+
+    def move(self, uv: np.ndarray, islands: np.ndarray) -> np.ndarray:
+        """Move points (N, 2) of the islands (N,) int."""
+        return (self.matrices[islands] @ uv[:, :, None])[:, :, 0] + self.offsets[islands]
+
+    def then(self, other: "_Places") -> "_Places":
+        """These, and those of another after them."""
+        moved = (other.matrices @ self.offsets[:, :, None])[:, :, 0] + other.offsets
+        return _Places(other.matrices @ self.matrices, moved)
+
+    def of(self, islands: np.ndarray) -> "_Places":
+        """Those of some islands."""
+        return _Places(self.matrices[islands], self.offsets[islands])
+
+
+@dataclass(frozen=True, eq=False)
+class _Items:
+    """What is packed at a size: islands, and blocks of small ones. All in cells.
+
+    Attributes:
+        of: (I,) int, the item of each island.
+        inner: where each island is in its item.
+        corners: (T, 3, 2), the triangles of items.
+        owner: (T,) int, the item of each, ascending.
+        is_free: (N,) bool, which items are tried in more directions than along the axes.
+        has_blocks: whether there are any.
+    """
+
+    of: np.ndarray
+    inner: _Places
+    corners: np.ndarray
+    owner: np.ndarray
+    is_free: np.ndarray
+    has_blocks: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    """Items turned and in cells: a point goes to matrix @ point + offsets[k] in the cells of the k-th shape.
+
+    Attributes:
+        matrix: (2, 2).
+        offsets: (K, 2).
+        shapes: of the cells that they touch.
+        shape_of: (N,) int, the shape of each item; -1 for none.
+    """
+
+    matrix: np.ndarray
+    offsets: np.ndarray
+    shapes: Shapes
+    shape_of: np.ndarray
+
+
+class _Search:
+    """The search for the largest size. Islands are upright; a size is how many cells are as long as 1 in UVs."""
+
+    def __init__(self, corners: np.ndarray, islands: np.ndarray, options: PackOptions):
+        used, of = np.unique(islands, return_inverse=True)
+        order = np.argsort(of, kind="stable")
+        corners, self.owner = corners[order], of[order]
+        self.count = len(used)
+        angles, self.is_straight = upright(corners, self.owner)
+        turns = _rotations(angles)
+        turned = np.einsum("tij,tcj->tci", turns[self.owner], corners)
+        begins = np.flatnonzero(np.diff(self.owner, prepend=-1))
+        least = np.minimum.reduceat(turned.min(axis=1), begins)
+        self.extents = np.maximum.reduceat(turned.max(axis=1), begins) - least
+        self.corners = turned - least[self.owner][:, None]
+        self.areas = np.bincount(self.owner, 0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])), self.count)
+        self.upright = _Places(turns, -least)
+        self.random = np.random.default_rng(SEED)
+        self.is_quick, self.margin = options.is_quick, options.margin
+        cells, between = QUICK_CELLS if options.is_quick else CELLS, 2.0 * options.margin
+        if between > 0.0:
+            cells = min(np.ceil(cells * between - 1e-6) / between, 2.0 * cells)
+        self.side = int(cells * (1.0 - between) + 1e-6)
+        self.cell = (1.0 - between) / max(self.side, 1)
+        self.gap = int(np.ceil(between / self.cell * (1.0 - 1e-9)))
+
+    def best(self) -> _Places | None:
+        """Where islands go at the largest size that is found."""
+        if not self.areas.sum() > 0.0 or self.side < 1:
+            return None
+        least = self.side * np.sqrt(LEAST_SHARE / self.areas.sum())
+        size = max(self._size(FULL * self.side**2), least)
+        best, smallest_too_large, work, tries = None, np.inf, 0, 0
+        while True:
+            height, found, placed = self._try(size)
+            work, tries = work + placed, tries + 1
+            following = self._size(self._need(size) * self.side / height)
+            if found is None:
+                if best is None and size <= least:
+                    return None
+                smallest_too_large = min(smallest_too_large, size)
+                following = max(min(following, size / STEP), least)
+            else:
+                best, largest = found, size
+                following = max(following, size * STEP)
+            if best is not None:
+                if following <= largest or following >= smallest_too_large:
+                    following = np.sqrt(largest * smallest_too_large)
+                if following / largest < FINE or (tries >= TRIES and (self.is_quick or work > WORK)):
+                    return self.upright.then(best)
+            size = following
+
+    def _need(self, size: float) -> float:
+        """About the cells that islands take, with the margin around them."""
+        return float(np.polyval(self._polynomial, size))
+
+    def _size(self, need: float) -> float:
+        """The size at which islands take about so many cells; 0 if none."""
+        square, linear, constant = self._polynomial
+        return (np.sqrt(max(0.0, linear**2 + 4.0 * square * max(0.0, need - constant))) - linear) / (2.0 * square)
+
+    @cached_property
+    def _polynomial(self) -> list[float]:
+        around = self.gap + ROUNDING
+        return [float(self.areas.sum()), float(self.extents.sum()) * around, self.count * around**2]
+
+    def _try(self, size: float) -> tuple[float, _Places | None, int]:
+        """Pack at a size. Returns how high the strip is filled, where islands go if they fit, and how many items were placed
+        in all orders that were tried."""
+        lowest, work, most = np.inf, 0, 1 if self.is_quick else ORDERS
+        items = self._items(size, *WAYS[0])
+        directions = self._directions(items)
+        for k in range(most):
+            if k == 1 or (k and items.has_blocks):
+                items = self._items(size, *WAYS[k % len(WAYS)])
+                directions = self._directions(items)
+            cells = directions[0].shapes.cells
+            noise = NOISE * self.random.standard_normal(len(cells)) if k else 0.0
+            order = np.argsort(-cells * np.exp(noise), kind="stable").tolist()
+            height, places = self._place(
+                directions, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side
+            )
+            lowest, work = min(lowest, height), work + len(order)
+            if height <= self.side:
+                return height, self._found(items, directions, places), work
+            if work > PLACED:
+                break
+        return lowest, None, work
+
+    def _items(self, size: float, blocks: int, with_large: bool) -> _Items:
+        """The islands at a size, some in rows: see WAYS."""
+        wide, high = extents = self.extents.T * size
+        gap = self.gap
+        box = (wide + gap) * (high + gap)
+        is_boxy = self.areas * size**2 + gap * (wide + high + gap) > BOXY * box
+        is_small = is_boxy & (with_large | ((wide + gap + ROUNDING) * (high + gap + ROUNDING) > SMALL * box))
+        large = np.flatnonzero(~is_small)
+        is_small[large[np.argsort(-box[large], kind="stable")[MOST:]]] = True
+        if np.count_nonzero(is_small) < FEWEST:
+            is_small[:] = False
+        small, large = np.flatnonzero(is_small), np.flatnonzero(~is_small)
+        of, place = np.empty(self.count, np.int64), np.zeros((self.count, 2))
+        of[large] = np.arange(len(large))
+        matrices = np.tile(size * np.eye(2), (self.count, 1, 1))
+        chosen = ~is_small[self.owner]
+        corners, owner = self.corners[chosen] * size, of[self.owner[chosen]]
+        is_free = ~self.is_straight[large]
+        if len(small):
+            is_wide = (wide > high)[small]
+            matrices[small[is_wide]] = size * QUARTER
+            place[small[is_wide], 0] = high[small[is_wide]]
+            sizes = np.sort(extents[:, small], axis=0).T  # the longer side is upright
+            target = np.sqrt(box[small].sum() / blocks) if blocks else self.side + gap
+            block, where, shapes = _rows(sizes + gap, min(target, self.side + gap), target if blocks else np.inf)
+            place[small] += where
+            of[small] = block + len(large)
+            right, top = (shapes - gap).T
+            none = np.zeros_like(right)
+            points = np.stack([none, none, right, none, right, top, none, none, right, top, none, top], axis=1)
+            corners = np.concatenate([corners, points.reshape(-1, 3, 2)])
+            owner = np.concatenate([owner, np.repeat(np.arange(len(shapes)), 2) + len(large)])
+            is_free = np.append(is_free, np.zeros(len(shapes), bool))
+        return _Items(of, _Places(matrices, place), corners, owner, is_free, len(small) > 0)
+
+    def _directions(self, items: _Items) -> list[_Direction]:
+        """Items in all directions: each in four, turned by quarters, and the free ones in more."""
+        found = []
+        strip = self.side, int(STRIP * self.side)
+        for angle in (0.5 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS).tolist():
+            is_here = items.is_free if angle else np.ones(len(items.is_free), bool)
+            if not is_here.any():
+                continue
+            chosen = is_here[items.owner]
+            owner, (turn,) = (np.cumsum(is_here) - 1)[items.owner[chosen]], _rotations(np.array([angle]))
+            turned = items.corners[chosen] @ turn.T
+            begins = np.flatnonzero(np.diff(owner, prepend=-1))
+            least = np.minimum.reduceat(turned.min(axis=1), begins)
+            extent = np.maximum.reduceat(turned.max(axis=1), begins) - least
+            sizes = np.clip(np.ceil(extent - 1e-6), 1, 2 * self.side).astype(np.int64)  # larger ones do not fit anyway
+            corner = least - 0.5 * np.maximum(sizes - extent, 0.0)  # as much place on one side as on the other
+            runs = uv_cells.rasterize(turned - corner[owner][:, None], owner, sizes)
+            across, (wide, high) = uv_cells.transposed(runs, sizes), sizes.T
+            is_box = np.bincount(runs.owner, runs.length, len(sizes)) == wide * high
+            none = np.zeros_like(wide)
+            aside, quarter = corner @ QUARTER.T, QUARTER @ turn
+            for matrix, offsets, cells, size, skipped in (
+                (turn, -corner, runs, sizes, none),
+                (quarter, np.stack([high, none], axis=1) - aside, across.mirrored(high), sizes[:, ::-1], none),
+                (-turn, corner + sizes, runs.upside_down(high).mirrored(wide), sizes, is_box),
+                (-quarter, np.stack([none, wide], axis=1) + aside, across.upside_down(wide), sizes[:, ::-1], is_box),
+            ):  # a box is the same when it is turned by half the circle
+                shape_of = np.full(len(is_here), -1)
+                shape_of[is_here] = np.where(skipped, -1, np.arange(len(sizes)))
+                found.append(_Direction(matrix, offsets, Shapes(size, cells, strip), shape_of))
+        return found
+
+    def _place(
+        self, directions: list[_Direction], order: list[int], rule: tuple[float, float], limit: float
+    ) -> tuple[float, dict[int, tuple[int, int, int, int]]]:
+        """Place items one after the other, as low as they go in the strip.
+
+        Returns how high it is filled, about, if it is higher than the limit; and the direction of each item, its shape there,
+        and the first cell along u and v.
+        """
+        (by_center, by_top), rows = rule, int(min(limit, STRIP * self.side))
+        longest = max(int(each.shapes.runs.length.max()) for each in directions)
+        strip, places, top = Strip((self.side, int(STRIP * self.side)), min(longest, self.side), self.gap), {}, 0
+        for item in order:
+            best, lowest = None, np.inf
+            ways = []
+            for k, direction in enumerate(directions):
+                shape = int(direction.shape_of[item])
+                if shape >= 0:
+                    shapes = direction.shapes
+                    high = shapes.sizes[shape, 1]
+                    ways.append((by_center * shapes.centers[shape] + by_top * high, rows - high + 1, k, shape))
+            for above, last, k, shape in sorted(ways):
+                place = strip.first_free(directions[k].shapes, shape, min(lowest - above, last))
+                if place is not None and place[1] + above < lowest:
+                    best, lowest = (k, shape, *place), place[1] + above
+            if best is None:
+                cells = directions[0].shapes.cells
+                return rows * max(1.05, cells.sum() / max(1, cells[list(places)].sum())), {}
+            places[item] = best
+            k, shape, column, row = best
+            strip.add(directions[k].shapes, shape, column, row)
+            top = max(top, row + int(directions[k].shapes.sizes[shape, 1]))
+        return top, places
+
+    def _found(
+        self, items: _Items, directions: list[_Direction], places: dict[int, tuple[int, int, int, int]]
+    ) -> _Places:
+        """Where upright islands go in the map."""
+        ways = [places[item] for item in range(len(places))]
+        matrices = np.stack([directions[k].matrix for k, *_ in ways])
+        offsets = np.array([directions[k].offsets[shape] for k, shape, *_ in ways])
+        cells = _Places(matrices, offsets + [place for _, _, *place in ways]).of(items.of)
+        map_ = _Places(self.cell * np.eye(2)[None], np.full((1, 2), self.margin))
+        return items.inner.then(cells).then(map_)
+
+
+def _rows(sizes: np.ndarray, target: float, most: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Set boxes side by side in rows, the highest first, and rows on each other in blocks.
+
+    Returns the block (N,) of each box, where it is there (N, 2), and the sizes of blocks (B, 2).
+
+    Args:
+        sizes: (N, 2), of boxes, along u and v.
+        target: how wide blocks are, if one box is not wider.
+        most: how high, if one row is not higher.
+    """
+    order = np.lexsort((-sizes[:, 0], -sizes[:, 1]))
+    wide, high = sizes[order].T
+    ends = np.cumsum(wide)
+    block, where, blocks = np.empty(len(sizes), np.int64), np.empty((len(sizes), 2)), []
+    first, top = 0, np.inf  # above all
+    while first < len(order):
+        before = ends[first] - wide[first]
+        last = max(first + 1, int(np.searchsorted(ends, before + target * (1.0 + 1e-9), side="right")))
+        if top == np.inf or top + high[first] > most:
+            top = 0.0
+            blocks.append([0.0, 0.0])
+        here = order[first:last]
+        block[here], where[here, 1] = len(blocks) - 1, top
+        where[here, 0] = ends[first:last] - wide[first:last] - before
+        top += high[first]
+        blocks[-1] = [max(blocks[-1][0], ends[last - 1] - before), top]
+        first = last
+    return block, where, np.array(blocks)

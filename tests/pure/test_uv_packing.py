@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Packed islands keep their shape and their distance, and fill the map."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import topology, uv_cells, uv_packing
+
+MARGIN = 1.0 / 256.0
+
+
+def random_islands(seed, count=8):
+    """Triangles (T, 3, 2) of stars that are not convex, some with a hole, and their islands (T,)."""
+    random = np.random.default_rng(seed)
+    corners, islands = [], []
+    for island in range(count):
+        sides = random.integers(3, 12)
+        angle = 2.0 * np.pi * np.arange(sides + 1) / sides
+        radius = np.append(found := random.uniform(0.3, 1.0, sides), found[0])
+        rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * radius[:, None] * random.uniform(0.05, 1.0)
+        hole = rim * random.choice([0.0, 0.5])
+        here = [(hole[:-1], rim[:-1], rim[1:]), (hole[:-1], rim[1:], hole[1:])]
+        found = np.concatenate([np.stack(each, axis=1) for each in here[: 1 + bool(hole.any())]])
+        corners.append(found + random.uniform(-3.0, 3.0, 2))
+        islands += [island] * len(found)
+    return np.concatenate(corners), np.array(islands)
+
+
+def pack(corners, islands, margin, *, is_quick=False):
+    """The UVs (T, 3, 2) of packed triangles (T, 3, 2); None if they do not fit."""
+    options = uv_packing.PackOptions(margin, islands, is_quick)
+    found = uv_packing.pack(corners.reshape(-1, 2), np.arange(3 * len(corners)).reshape(-1, 3), options)
+    return None if found is None else found.reshape(-1, 3, 2)
+
+
+def area(corners):
+    """The area of all triangles (T, 3, 2) together."""
+    return 0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum()
+
+
+def least_distances(corners, islands, steps=8):
+    """The least distance along u or v, whichever is larger, of points on the sides of two islands, and to the map's border."""
+    share = np.arange(steps) / steps
+    points = corners[:, :, None] * (1.0 - share)[:, None] + np.roll(corners, -1, axis=1)[:, :, None] * share[:, None]
+    points = points.reshape(len(corners), -1, 2)
+    found = [points[islands == island].reshape(-1, 2) for island in range(islands.max() + 1)]
+    between = min(np.abs(a[:, None] - b[None]).max(axis=2).min() for k, a in enumerate(found) for b in found[:k])
+    return between, min(points.min(), (1.0 - points).min())
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("margin", [1.0 / 256.0, 3.0 / 512.0, 0.02])
+def test_packed_islands_keep_their_distance_and_their_shape(seed, margin):
+    corners, islands = random_islands(seed)
+    moved = pack(corners, islands, margin, is_quick=True)
+    between, border = least_distances(moved, islands)
+    assert between > 2.0 * margin and border >= margin * (1.0 - 1e-6)
+    before, after = (np.linalg.norm(x - np.roll(x, -1, axis=1), axis=2) for x in (corners, moved))
+    assert after / before == pytest.approx(np.full(before.shape, (after / before)[0, 0]))
+    areas = [np.linalg.det(x[:, 1:] - x[:, :1]) for x in (corners, moved)]
+    assert (np.sign(areas[0]) == np.sign(areas[1])).all()  # not mirrored
+
+
+def test_squares_fill_most_of_the_map():
+    """64 squares, with 4 texels of 1024 around each, in a map that would have place for them if they had 0.117."""
+    square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], float)
+    corners, islands = np.tile(square, (64, 1, 1)), np.repeat(np.arange(64), 2)
+    side = np.sqrt(area(pack(corners, islands, MARGIN)) / 64.0)
+    assert 0.1 < side <= 0.125 - 2.0 * MARGIN
+
+
+@pytest.mark.slow
+def test_more_orders_pack_larger():
+    corners, islands = random_islands(7, 16)
+    quick, slow = (pack(corners, islands, MARGIN, is_quick=is_quick) for is_quick in (True, False))
+    assert area(slow) > area(quick)
+
+
+def test_what_does_not_fit_is_not_packed():
+    corners, islands = random_islands(1)
+    assert pack(corners, islands, 0.3) is None
+    assert pack(0.0 * corners, islands, MARGIN) is None
+    assert pack(np.nan * corners, islands, MARGIN) is None
+
+
+def test_an_island_lies_in_the_hole_of_another():
+    """A ring of 0.8 with a hole of 0.6, and a square of 0.4: together they need no more than the ring."""
+    places = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float) - 0.5
+    nodes = np.concatenate([places, 0.75 * places])
+    ring = [triangle for k in range(4) for triangle in ((k, (k + 1) % 4, k + 4), ((k + 1) % 4, (k + 1) % 4 + 4, k + 4))]
+    corners = np.concatenate([nodes[np.array(ring)], 0.5 * places[np.array([[0, 1, 2], [0, 2, 3]])]])
+    packed = pack(corners, np.array([0] * 8 + [1] * 2), MARGIN)
+    assert area(packed) > 0.94 * area(corners)
+
+
+def test_an_island_much_longer_than_the_map_does_not_stop_the_search():
+    """Nothing is packed, as the other island would have no cell."""
+    corners = np.array([[(0.0, 0.0), (1e6, 0.0), (1e6, 1.0)], [(0.0, 2.0), (500.0, 2.0), (0.0, 502.0)]])
+    assert pack(corners, np.array([0, 1]), 0.01) is None
+
+
+def boxes(sizes, angles=None):
+    """Triangles (2 N, 3, 2) of rectangles, each turned by an angle, and their islands."""
+    unit = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], float)
+    corners = unit * np.asarray(sizes, float)[:, None, None]
+    angles = np.zeros(len(sizes)) if angles is None else angles
+    turns = np.moveaxis(np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]), 2, 0)
+    return np.einsum("nij,ntcj->ntci", turns, corners).reshape(-1, 3, 2), np.repeat(np.arange(len(sizes)), 2)
+
+
+def test_many_small_islands_keep_their_distance():
+    """300 strips are packed by their boxes, in rows."""
+    random = np.random.default_rng(3)
+    corners, islands = boxes(
+        np.stack([random.uniform(0.5, 1.0, 300), np.full(300, 0.01)], 1), random.uniform(0, 3, 300)
+    )
+    packed = pack(corners, islands, MARGIN)
+    middle = 0.5 * (packed.reshape(300, 6, 2).min(axis=1) + packed.reshape(300, 6, 2).max(axis=1))
+    half = 0.5 * np.ptp(packed.reshape(300, 6, 2), axis=1)
+    apart = (np.abs(middle[:, None] - middle) - half[:, None] - half).max(axis=2)
+    assert apart[~np.eye(300, dtype=bool)].min() >= 2.0 * MARGIN * (1.0 - 1e-6)
+    assert packed.min() >= MARGIN * (1.0 - 1e-6) and packed.max() <= 1.0 - MARGIN * (1.0 - 1e-6)
+    # The strips with their margin take most of the map.
+    factor, length = np.sqrt(area(packed) / area(corners)), np.linalg.norm(corners[::2, 1] - corners[::2, 0], axis=1)
+    assert ((factor * 0.01 + 2.0 * MARGIN) * (factor * length + 2.0 * MARGIN)).sum() > 0.85
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_lowest_free_place_is_found(seed):
+    """Beside a search of all places, one after the other."""
+    random = np.random.default_rng(seed)
+    sizes = random.integers(1, 14, (30, 2))
+    masks = [random.random(size[::-1]) < 0.6 for size in sizes.tolist()]
+    for mask in masks:
+        mask[0, 0] = mask[-1, -1] = True
+    rows = [
+        (k, r, *run)
+        for k, m in enumerate(masks)
+        for r, line in enumerate(m)
+        for run in zip(*topology.runs(line), strict=True)
+    ]
+    runs = uv_cells.Runs(*np.array(rows).T)
+    side, height, gap = 37, 60, 2
+    shapes = uv_cells.Shapes(sizes, runs, (side, height))
+    strip, taken = uv_cells.Strip((side, height), 16, gap), np.zeros((height, side), bool)
+    assert shapes.cells.tolist() == [mask.sum() for mask in masks]
+    for k, mask in enumerate(masks):
+        high, wide = mask.shape
+        places = ((x, y) for y in range(height - high + 1) for x in range(side - wide + 1))
+        found = next((at for at in places if not (taken[at[1] :, at[0] :][:high, :wide] & mask).any()), None)
+        assert strip.first_free(shapes, k, height) == found
+        if found is not None:
+            assert found[1] == 0 or strip.first_free(shapes, k, found[1]) is None
+            strip.add(shapes, k, *found)
+            for y, x in np.argwhere(mask) + found[::-1]:
+                taken[max(y - gap, 0) : y + gap + 1, max(x - gap, 0) : x + gap + 1] = True
+
+
+def test_straight_borders_run_along_the_axes():
+    corners, islands = boxes([(3.0, 1.0), (1.0, 1.0), (2.0, 1.9)], np.radians([20.0, 0.0, 100.0]))
+    angles, is_straight = uv_packing.upright(corners, islands)
+    assert np.degrees(angles) % 90.0 == pytest.approx([70.0, 0.0, 80.0], abs=1e-9) and is_straight.all()
+    packed = pack(corners, islands, MARGIN)
+    steps = np.abs(np.diff(packed, axis=1)[::2, 0])  # along the first side of each
+    assert steps.min(axis=1) == pytest.approx([0.0] * 3, abs=1e-9)
+
+
+def test_without_straight_borders_the_box_is_the_smallest():
+    """An ellipse, turned by 30 degrees: its box along its own axes is the smallest."""
+    angles = 2.0 * np.pi * np.arange(91) / 90
+    rim = np.stack([1.5 * np.cos(angles), np.sin(angles)], axis=1) @ np.array([[0.75**0.5, 0.5], [-0.5, 0.75**0.5]])
+    rim[-1] = rim[0]
+    corners = np.stack([0.0 * rim[:-1], rim[:-1], rim[1:]], axis=1)
+    (angle,), (is_straight,) = uv_packing.upright(corners, np.zeros(90, int))
+    assert np.degrees(angle) % 90.0 == pytest.approx(60.0, abs=1.0) and not is_straight
