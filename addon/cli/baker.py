@@ -288,7 +288,8 @@ class Baker:
         return entry
 
     def _packed(self, opened: _Opened) -> list[str]:
-        """Pack the UV maps of the low objects, if the bake asks for it: what that gave, in lines. Raises BakeError."""
+        """Pack the UV maps of the low objects, if the bake asks for it: what that gave, in lines. Raises BakeError or
+        Stopped."""
         options = opened.plan.options
         if not options.pack_uvs:
             return []
@@ -296,7 +297,13 @@ class Baker:
 
         lows = [job.low for job in opened.jobs]
         self._loader.changed(low.name for low in lows)  # also if the bake fails
-        return [atlas.pack(lows, arguments.settings(options), is_done_once=True)]
+
+        def on_step(step: progress.Progress) -> None:
+            interruption.check()
+            if self._meter.is_on:
+                self._meter.show("the atlas", step)
+
+        return [progress.finish(atlas.work(lows, arguments.settings(options), is_done_once=True), on_step)]
 
     def _written(self, reports: Sequence[dict[str, Any]], scene: str, *, is_hashed: bool) -> Iterator[dict[str, Any]]:
         """The files that a bake wrote, each once, as in Entry. scene: the path of the saved scene, or ""."""

@@ -19,7 +19,7 @@ from ..core.asset_limits import HowMade, Wanted
 from ..core.declarations.choices import Method, Wrap
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
-from ..core.progress import Pace, Progress, Task, Timings, part
+from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.simplify import Candidate, Search
@@ -34,8 +34,8 @@ from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import DecimationSource, LowMesh
 from .simplify.skins import Skin
 
-SEARCHED = 0.8
-"""The share of the work that is done before the maps are baked."""
+SEARCHED, UNWRAPPED = 0.7, 0.8
+"""The share of the work that is done before the low objects get UV maps, and before their maps are baked."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
 MIN_COVERAGE = 0.1
@@ -96,11 +96,11 @@ def work(
                 high = high_surface.read(context, job, settings, timings)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             lows = yield from part(_Making(context, high, judge).lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
-        with timings.timed("unwrap"):
-            lows = [_unwrapped(low, settings, stack) for low in lows]
+        unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
+        lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
         jobs = [_job_of(low, job, context, settings, high) for low in lows]
         reports = yield from part(
-            _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), SEARCHED, 1.0
+            _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), UNWRAPPED, 1.0
         )
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
         notes = skin.carry(context, [low.obj for low in lows if low.how.is_made])
@@ -205,11 +205,19 @@ def _cost(candidate: Candidate) -> float:
     return candidate.deviation.cost * candidate.maker.bias
 
 
-def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Low:
-    """A low object with a UV map. stack: removes the map again if it fails."""
+def _all_unwrapped(lows: Sequence[Low], settings: Settings, stack: ExitStack) -> Task[list[Low]]:
+    """The low objects with UV maps. stack: removes those that are new if it fails."""
+    unwrapped = []
+    for done, low in enumerate(lows):
+        work = _unwrapped(low, settings, stack)
+        unwrapped.append((yield from part(work, done / len(lows), (done + 1) / len(lows))))
+    return unwrapped
+
+
+def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Task[Low]:
     if low.obj.data.uv_layers:
         return low
-    ref, text = ObjectRef.of(low.obj), unwrapping.unwrap(low.obj, settings)
+    ref, text = ObjectRef.of(low.obj), (yield from unwrapping.work(low.obj, settings))
 
     def undo(kind: type[BaseException] | None, *_: object) -> None:
         obj = ref.find()

@@ -7,19 +7,21 @@ Each object gets a UV map of its own for it, and keeps its other ones. Islands o
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ..audit import mip_gaps
 from ..core.errors import BakeError, shorten_list
+from ..core.progress import Progress, Task, finish, part
 from ..core.settings import Settings
 from ..mesh import uv_packing
 from ..mesh.uv_stacks import Stacks
 from ..scene import mesh_reader
 from ..scene.high_materials import sets_of
 from . import temporary
-from .unwrapping import editing, pack_boxes
+from .unwrapping import MOST, editing, pack_boxes
 
 LAYER = "Atlas"
 """The UV map of each object."""
@@ -31,25 +33,31 @@ Textures = dict[str, dict[bpy.types.Object, Stacks]]
 """The islands of objects that are in a texture, by the name of its material; empty for one texture of all."""
 
 
-def pack(
+def pack(lows: Sequence[bpy.types.Object], settings: Settings, **how: Any) -> str:
+    """`work`, done at once."""
+    return finish(work(lows, settings, **how))
+
+
+def work(
     lows: Sequence[bpy.types.Object],
     settings: Settings,
     *,
     only: Collection[bpy.types.Object] | None = None,
     is_done_once: bool = False,
     is_anew: bool = False,
-) -> str:
+) -> Task[str]:
     """Give objects a UV map in which their islands, as their active UV maps have them, lie side by side; with texture sets,
     those of each material by themselves.
 
     Objects that have it already keep their places, and where all have it and are packed, nothing changes. Returns a sentence.
-    Raises BakeError, and then nothing has changed.
+    Raises BakeError; then, and if it is closed before its end, nothing has changed.
 
     Args:
         only: those that are packed, anew or for the first time; all others keep their places.
         is_done_once: whether objects keep their places even if they lie on each other.
         is_anew: whether all are packed anew.
     """
+    yield Progress("Reading UV maps", 0.0)
     _check(lows)
     margin = mip_gaps.needed(settings.sampling) / 2.0 / min(settings.sampling.size)
     by_material = settings.map.texture_sets
@@ -58,7 +66,8 @@ def pack(
         is_anew = is_anew or not _are_packed(_textures(lows, by_material=by_material), margin)
     coming = [low for low in lows if is_anew or low not in staying]
     staying = [low for low in lows if low not in coming]
-    packed = _packed(_textures(coming, by_material=by_material), _textures(staying, by_material=by_material), margin)
+    here, there = _textures(coming, by_material=by_material), _textures(staying, by_material=by_material)
+    packed = yield from part(_packed(here, there, margin), 0.1, 1.0)
     for low, coordinates in packed.items():
         layers = low.data.uv_layers
         layer = layers[LAYER] if LAYER in layers else layers.new(name=LAYER, do_init=False)
@@ -93,10 +102,6 @@ def _check(lows: Sequence[bpy.types.Object]) -> None:
             raise BakeError(f"The UV map {_layer(low)!r} of {low.name!r} has no area: unwrap it anew.")
 
 
-MOST = 8
-"""UV maps of a mesh, in Blender."""
-
-
 def _textures(lows: Sequence[bpy.types.Object], *, by_material: bool = False) -> Textures:
     """The islands of objects by texture: of all, or of each material."""
     found: Textures = {}
@@ -128,11 +133,12 @@ def _are_packed(textures: Textures, margin: float) -> bool:
     return True
 
 
-def _packed(textures: Textures, staying: Textures, margin: float) -> dict[bpy.types.Object, np.ndarray]:
+def _packed(textures: Textures, staying: Textures, margin: float) -> Task[dict[bpy.types.Object, np.ndarray]]:
     """The UVs of those that come: packed anew as large as they fit, or as large as those that stay, between their islands."""
     result: dict[bpy.types.Object, np.ndarray] = {}
     outside: dict[bpy.types.Object, None] = {}
-    for name, here in textures.items():
+    for done, (name, here) in enumerate(textures.items()):
+        yield Progress(f"Packing the UV islands of {name}" if name else "Packing UV islands", done / len(textures))
         there = staying.get(name, {})
         for (low, each), uv in zip(here.items(), _placed([*here.values()], [*there.values()], margin), strict=True):
             if low not in result:

@@ -10,20 +10,20 @@ from ..audit import before_bake
 from ..core import foreach
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
+from ..core.progress import Task, part
 from ..core.report import Report
 from ..core.settings import MapSettings, Settings
 from ..mesh import edges, face_shapes, topology, uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import unit
 from ..scene import evaluation, mesh_elements, mesh_reader
+from ..scene.object_checks import ObjectRef
 from . import unwrapping
 from .job import PastBake
 from .pair_checks import viewport_flipped
 
-UNWRAP = "UNWRAP"
-"""What `fix` does for an object without UVs."""
-PACK = "PACK"
-"""The operator that packs the UV maps of several objects, as a button of a sentence."""
+UNWRAP, PACK = "UNWRAP", "PACK"
+"""The operators that unwrap objects, and that pack the UV maps of several, as buttons of a sentence."""
 
 
 def soften(data: bpy.types.Mesh, soft: np.ndarray, hard: np.ndarray) -> int:
@@ -120,7 +120,7 @@ def fix(
     settings: Settings,
     kind: str,
 ) -> str:
-    """Fix one of before_bake.KINDS, or UNWRAP. Returns a sentence about what was done.
+    """Fix one of before_bake.KINDS. Returns a sentence about what was done.
 
     highs: the high objects of the bake; `low` is one of them if it is baked without its modifiers.
 
@@ -134,6 +134,27 @@ def fix(
         modifier, folded = add_modifier(context, low, Modifiers.VIEWPORT, is_own_base=is_own_base)
         return triangulate_sentence(low.name, modifier, folded)
     return _FIXES[kind](low, settings)
+
+
+def unwrap(lows: Sequence[tuple[bpy.types.Object, Settings]]) -> Task[tuple[list[str], list[str]]]:
+    """Give objects a UV map, each with the margin of its settings; those that share a mesh get one. Returns a sentence about
+    each that got one, and why others did not.
+
+    If it is closed before its end, or raises BakeError since none can be unwrapped, nothing has changed.
+    """
+    of_mesh = {low.data: (ObjectRef.of(low), settings) for low, settings in reversed(lows)}
+    found, failures = [], []
+    for done, (ref, settings) in enumerate(reversed(of_mesh.values())):
+        try:
+            low = ref.resolve()
+            _check_editable(low)
+            work = unwrapping.find(low, settings.sampling)
+            found.append((ref, (yield from part(work, done / len(of_mesh), (done + 1) / len(of_mesh)))))
+        except BakeError as error:
+            failures.append(str(error))
+    if not found:
+        raise BakeError(failures[0])
+    return [unwrapping.apply(low, each) for low, each in [(ref.resolve(), each) for ref, each in found]], failures
 
 
 def _check_editable(obj: bpy.types.Object) -> None:
@@ -240,5 +261,4 @@ _FIXES: dict[str, Callable[[bpy.types.Object, Settings], str]] = {
     before_bake.LAYER: _activate_layer,
     before_bake.HARD_EDGES: _soften,
     before_bake.MIRRORED: _move_mirrored,
-    UNWRAP: unwrapping.unwrap,
 }

@@ -29,6 +29,8 @@ from . import temporary
 
 NAME = "UVMap"
 """Of the new UV map, as Blender calls it."""
+MOST = 8
+"""UV maps of a mesh, in Blender."""
 STEPS = (
     (300.0, ""),
     (100.0, "tiny charts"),
@@ -111,27 +113,46 @@ def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -
 
     Raises BakeError if no way works. Then, and if it is closed before its end, nothing has changed.
     """
-    if low.type != "MESH" or not low.data.polygons:
-        raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
     ref = ObjectRef.of(low)
-    unwrapped = yield from part(attempts(low, settings.sampling, is_quick=is_quick), 0.0, 0.9)
-    low = ref.resolve()
+    found = yield from find(low, settings.sampling, is_quick=is_quick)
+    return apply(ref.resolve(), found)
+
+
+def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Unwrapped]:
+    """The best UV map of an object's own mesh, which stays as it is. As `work`."""
+    check(low)
+    name = low.name
+    unwrapped = yield from part(attempts(low, sampling, is_quick=is_quick), 0.0, 0.9)
     best = max(unwrapped, key=lambda each: each.layout.sharpness, default=None)
     if best is None or best.layout.sharpness == 0.0:
-        raise BakeError(f"{low.name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
+        raise BakeError(f"{name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
     if not is_quick:
         yield Progress("Packing UV islands", 0.9)
-        best = best.packed(margin(settings.sampling))
+        best = best.packed(margin(sampling))
+    return best
+
+
+def check(low: bpy.types.Object) -> None:
+    """Raise BakeError for what keeps an object from being unwrapped, and shows at once."""
+    if low.type != "MESH" or not low.data.polygons:
+        raise BakeError(f"{low.name!r} has no faces: choose a mesh that has some.")
+    if len(low.data.uv_layers) == MOST:
+        raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
+
+
+def apply(low: bpy.types.Object, found: Unwrapped) -> str:
+    """Give an object's own mesh the UV map that was found for it. Returns a sentence. Raises BakeError if it has other faces
+    by now."""
+    if len(low.data.uv_layers) == MOST or 2 * len(low.data.loops) != found.mesh.uv.size:
+        raise BakeError(f"{low.name!r} has changed meanwhile: unwrap it again.")
     shows_textures = bool(low.data.uv_layers) and bool(object_checks.textures_of(low))
     layer = low.data.uv_layers.new(name=NAME, do_init=False)
-    if layer is None:
-        raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
-    layer.uv.foreach_set("vector", best.mesh.uv.reshape(-1))
+    layer.uv.foreach_set("vector", found.mesh.uv.reshape(-1))
     low.data.uv_layers.active = layer
     if not shows_textures:  # else these stay where they are, and a bake moves them
         layer.active_render = True
     low.data.update()
-    return f"{low.name!r} is unwrapped: {best.sentence}"
+    return f"{low.name!r} is unwrapped: {found.sentence}"
 
 
 def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[list[Unwrapped]]:

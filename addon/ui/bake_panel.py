@@ -21,7 +21,7 @@ from ..scene.mesh_elements import weights_problem
 from . import bake_queue, object_pairs, results, sets, sets_panel, several
 from .callbacks import until_change
 from .findings import findings
-from .fix_buttons import ICONS, RIGHT, Told, draw_button, draw_fixable, draw_list
+from .fix_buttons import ICONS, RIGHT, Told, draw_button, draw_fixable, draw_list, draw_packing
 from .live import live
 from .modal import QuickOperator
 from .planned_images import count_images, filled, planned_images
@@ -472,7 +472,7 @@ def _draw_several(
         box.operator("wm.save_mainfile", icon="FILE_TICK")
     box.prop(settings, "share_image")
     if settings.share_image:
-        box.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = True
+        draw_packing(box, selected=True)
 
 
 def _draw_left_out(box: bpy.types.UILayout, context: bpy.types.Context, chosen: Chosen) -> None:

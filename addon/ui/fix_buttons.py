@@ -10,12 +10,16 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..core.declarations.choices import Storage
 from ..core.errors import PACKS, UNWRAPS, BakeError, Fix, in_window, shorten_list
+from ..core.progress import Pace, Task
 from ..core.sentences import LOOK, NOTE, RANKS, WRONG, Harm, Sentence, gist
+from ..core.settings import Settings
 from ..jobs import fixes
 from ..scene.object_checks import object_by_name
 from . import sets
 from .callbacks import registering
-from .modal import QuickOperator, WaitingOperator
+from .modal import QuickOperator, SlicedOperator, WaitingOperator
+from .progress_display import display
+from .properties import Chosen
 from .texts import draw_paragraphs, label, labeled, message, tooltip
 
 ICONS = {WRONG: "ERROR", LOOK: "INFO", NOTE: "BLANK1"}
@@ -49,12 +53,6 @@ FIXES = {
         "Smooth inside Islands",
         "Make hard edges inside UV islands smooth. Those at borders of islands stay hard, and custom normals stay elsewhere",
         "SMOOTHCURVE",
-    ),
-    fixes.UNWRAP: (
-        "Unwrap",
-        "Give the low object a UV map: unwrap it in several ways, pack the islands with the margin that Clean Mips needs, and "
-        "keep the sharpest",
-        "UV",
     ),
     "MIRRORED": (
         "Move Mirrored UVs",
@@ -109,14 +107,9 @@ FIXES = {
 """Label, tooltip and icon of each fix: those of the low object, and those that change a setting."""
 
 
-class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
-    """Change what a warning or an error names"""
+class _OfLows:
+    """The low objects of a button."""
 
-    bl_idname = "imprint.fix"
-    bl_label = "Fix"
-    bl_options = {"REGISTER", "UNDO"}
-
-    kind: labeled(EnumProperty, "Fix", "What to change", items=[(kind, *texts[:2]) for kind, texts in FIXES.items()])
     low: labeled(
         StringProperty, "Low", "Name of the low object; empty for the slot or the active object", options={"SKIP_SAVE"}
     )
@@ -124,16 +117,61 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
         StringProperty, "Low Objects", "Names of low objects that need the same, in JSON", options={"SKIP_SAVE"}
     )
 
+    @property
+    def names(self) -> list[str]:
+        """Their names; an empty one for that of the panel."""
+        return json.loads(self.lows) if self.lows else [self.low]
+
+
+def _chosen(context: bpy.types.Context, name: str) -> Chosen:
+    """The low object of a name, or that of the panel, with what belongs to it. Raises BakeError."""
+    chosen = context.scene.imprint.chosen(context, object_by_name(name) if name else None)
+    if chosen.low is None or chosen.low.type != "MESH":
+        raise BakeError("No low object: select it, or fill the slot.")
+    return chosen
+
+
+def _settings(context: bpy.types.Context, chosen: Chosen) -> Settings:
+    one = sets.active(context)
+    return one.settings if one is not None else chosen.settings
+
+
+class IMPRINT_OT_unwrap(WaitingOperator, SlicedOperator, _OfLows, bpy.types.Operator):
+    """Give the low object a UV map: unwrap it in several ways, with the margin that Clean Mips needs, and keep the best"""
+
+    bl_idname = "imprint.unwrap"
+    bl_label = "Unwrap"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[tuple[list[str], list[str]]]:
+        all_chosen = [_chosen(context, name) for name in self.names]
+        return (yield from fixes.unwrap([(chosen.low, _settings(context, chosen)) for chosen in all_chosen]))
+
+    def finish(self, context: bpy.types.Context, result: tuple[list[str], list[str]]) -> None:
+        done, failures = result
+        for text in failures:
+            self.report({"WARNING"}, text)
+        self.report({"INFO"}, shorten_list(done, 1))
+
+
+class IMPRINT_OT_fix(WaitingOperator, QuickOperator, _OfLows, bpy.types.Operator):
+    """Change what a warning or an error names"""
+
+    bl_idname = "imprint.fix"
+    bl_label = "Fix"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: labeled(EnumProperty, "Fix", "What to change", items=[(kind, *texts[:2]) for kind, texts in FIXES.items()])
+
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return tooltip(FIXES[properties.kind][1])
 
     def apply(self, context: bpy.types.Context) -> str:
-        lows = json.loads(self.lows) if self.lows else [self.low]
-        done, failures = [], []
-        for low in lows:
+        names, done, failures = self.names, [], []
+        for name in names:
             try:
-                done.append(self._fix(context, low, is_alone=len(lows) == 1))
+                done.append(self._fix(context, name, is_alone=len(names) == 1))
             except BakeError as error:
                 failures.append(str(error))
         if not done:
@@ -144,13 +182,10 @@ class IMPRINT_OT_fix(WaitingOperator, QuickOperator, bpy.types.Operator):
 
     def _fix(self, context: bpy.types.Context, name: str, *, is_alone: bool) -> str:
         """Fix one low object. name: empty for that of the panel. Returns what was done. Raises BakeError."""
-        chosen = context.scene.imprint.chosen(context, object_by_name(name) if name else None)
-        if chosen.low is None or chosen.low.type != "MESH":
-            raise BakeError("No low object: select it, or fill the slot.")
+        chosen = _chosen(context, name)
         change, one = Fix.__members__.get(self.kind), sets.active(context)
         if change is None:
-            settings = one.settings if one is not None else chosen.settings
-            return fixes.fix(context, chosen.low, chosen.highs, settings, self.kind)
+            return fixes.fix(context, chosen.low, chosen.highs, _settings(context, chosen), self.kind)
         if change is Fix.UDIM:
             storing = sets.owner(context, "storage")
             if storing.storage == Storage.MEMORY:  # which holds one tile
@@ -179,7 +214,7 @@ class Told:
         text: In the language of the interface, without what fixes it in a shell.
         harm: How much it tells of.
         kind, share: What it is about, and of how much, as Sentence has them.
-        fixes: Its buttons: keys of FIXES, or fixes.PACK.
+        fixes: Its buttons: keys of FIXES, or fixes.UNWRAP or fixes.PACK.
         lows: The names of the low objects that it is true of; empty for that of the panel.
     """
 
@@ -254,18 +289,30 @@ def draw_fixable(layout: bpy.types.UILayout, context: bpy.types.Context, text: s
 
 
 def draw_button(layout: bpy.types.UILayout, kind: str, *lows: str) -> None:
-    """The button of a kind of FIXES, or that of fixes.PACK. lows: the names of the low objects that it is for; none for that of
-    the panel."""
+    """The button of a kind of FIXES, or that of fixes.UNWRAP or fixes.PACK, or a bar in its place. lows: the names of the low
+    objects that it is for; none for that of the panel."""
     if kind == fixes.PACK:
-        layout.operator("imprint.pack_uvs", icon="GROUP_UVS").selected = sets.active(bpy.context) is None
+        draw_packing(layout, selected=sets.active(bpy.context) is None)
         return
-    name, _, icon = FIXES[kind]
-    button = layout.operator("imprint.fix", text=label(name), translate=False, icon=icon)
-    button.kind = kind
+    if kind == fixes.UNWRAP:
+        button = display.draw_operator(layout, "imprint.unwrap", icon="UV")
+        if button is None:
+            return
+    else:
+        name, _, icon = FIXES[kind]
+        button = layout.operator("imprint.fix", text=label(name), translate=False, icon=icon)
+        button.kind = kind
     button.low, button.lows = (lows[0] if len(lows) == 1 else ""), (json.dumps(lows) if len(lows) > 1 else "")
 
 
-CLASSES = (IMPRINT_OT_fix,)
+def draw_packing(layout: bpy.types.UILayout, *, selected: bool = False) -> None:
+    """The button that packs UV maps, or a bar in its place. selected: whether those of the selected objects."""
+    button = display.draw_operator(layout, "imprint.pack_uvs", icon="GROUP_UVS")
+    if button is not None:
+        button.selected = selected
+
+
+CLASSES = (IMPRINT_OT_unwrap, IMPRINT_OT_fix)
 register, unregister = registering(
     CLASSES,
     properties={

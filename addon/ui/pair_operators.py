@@ -13,7 +13,7 @@ from ..jobs import atlas
 from ..jobs.job import jobs_by_name
 from . import modal, object_pairs, sets
 from .bake_operators import BakeOperator, bake_several
-from .modal import QuickOperator
+from .modal import SlicedOperator, WaitingOperator
 from .preferences import flamenco_address
 from .texts import labeled, tooltip
 
@@ -34,7 +34,7 @@ class IMPRINT_OT_bake_pairs(BakeOperator, bpy.types.Operator):
         return (yield from bake_several(context, jobs, settings.to_settings(), pace, [("", one) for one in problems]))
 
 
-class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
+class IMPRINT_OT_pack_uvs(WaitingOperator, SlicedOperator, bpy.types.Operator):
     """Make a UV map for the parts that are switched on: the islands of all lie side by side, at one texel density"""
 
     bl_idname = "imprint.pack_uvs"
@@ -51,7 +51,7 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         BoolProperty, "Anew", "Pack all of them again, also those that have a place already", options={"SKIP_SAVE"}
     )
 
-    def apply(self, context: bpy.types.Context) -> str:
+    def task(self, context: bpy.types.Context, pace: Pace) -> Task[str]:
         panel, one = context.scene.imprint, sets.active(context)
         settings = panel.to_settings()
         if self.selected:
@@ -67,7 +67,11 @@ class IMPRINT_OT_pack_uvs(QuickOperator, bpy.types.Operator):
         staying = [low for low in lows if low not in on and atlas.LAYER in low.data.uv_layers]
         coming = [low for low in on if self.anew or atlas.LAYER not in low.data.uv_layers]
         only = coming if staying else None  # those that are off keep their places
-        return atlas.pack([*on, *staying], settings, only=only, is_anew=self.anew and not staying)
+        work = atlas.work([*on, *staying], settings, only=only, is_anew=self.anew and not staying)
+        return (yield from work)
+
+    def finish(self, context: bpy.types.Context, result: str) -> None:
+        self.report({"INFO"}, result)
 
 
 class IMPRINT_OT_send_to_flamenco(modal.FileOperator, bpy.types.Operator):

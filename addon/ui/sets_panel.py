@@ -15,7 +15,7 @@ from ..scene import object_checks
 from . import object_pairs, set_lists, set_operators, sets, signs
 from .callbacks import registering, until_change
 from .findings import findings
-from .fix_buttons import draw_button, draw_fixable, draw_list
+from .fix_buttons import draw_button, draw_fixable, draw_list, draw_packing
 from .planned_images import PlannedImage, draw_images, of_texture
 from .preferences import flamenco_address
 from .progress_display import OF_SETS
@@ -131,7 +131,7 @@ def draw_lists(layout: bpy.types.UILayout, context: bpy.types.Context, rows: Row
     layout.row(align=True).prop(one, "textures", expand=True)
     row = layout.row()
     row.enabled = one.textures != "PART"
-    row.operator("imprint.pack_uvs", icon="GROUP_UVS")
+    draw_packing(row)
 
 
 def _draw_parts(layout: bpy.types.UILayout, context: bpy.types.Context, one: ImprintSet) -> None:

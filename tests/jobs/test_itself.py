@@ -9,7 +9,7 @@ from addon import api
 from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
-from addon.jobs import Job, bake_all, fixes
+from addon.jobs import Job, bake_all
 from addon.jobs.sequence import work_on_frames
 from addon.output import datablocks
 from addon.scene import object_checks
@@ -104,7 +104,6 @@ def test_an_object_without_uvs_is_told_what_to_press():
     text = object_checks.problem(bpy.context, obj, [obj])
     assert text == "'shape' has no UV layer: unwrap it first."
     assert object_checks.lacks_uvs(obj)
-    assert fixes.UNWRAP
 
 
 def test_arrays_are_baked_onto_themselves():

@@ -193,3 +193,9 @@ def draw(width=240, ui_scale=1.0, panels=PANELS):
         assert vars(given).keys() <= set(getattr(getattr(bpy.ops, group), operator).get_rna_type().properties.keys())
     layout.drawn.text = " ".join(layout.drawn.labels)
     return layout.drawn
+
+
+def fixes(drawn):
+    """The kinds of the buttons that fix something, in the order in which they were drawn."""
+    kinds = {"imprint.fix": lambda given: given.kind, "imprint.unwrap": lambda _: "UNWRAP"}
+    return [kinds[name](given) for name, given in drawn.given if name in kinds]

@@ -327,7 +327,7 @@ def flipped(obj):
 def drawn_fixes():
     """The text of the main panel, and the kinds of its buttons."""
     drawn = panel_layout.draw(width=3000)
-    return drawn.text, [given.kind for name, given in drawn.given if name == "imprint.fix"]
+    return drawn.text, panel_layout.fixes(drawn)
 
 
 def test_a_low_object_without_uvs_has_a_button_that_unwraps_it():
@@ -337,7 +337,7 @@ def test_a_low_object_without_uvs_has_a_button_that_unwraps_it():
     text, kinds = drawn_fixes()
     assert "'lo' has no UV layer: unwrap it first." in text
     assert kinds == [fixes.UNWRAP]
-    fix(fixes.UNWRAP)
+    assert bpy.ops.imprint.unwrap() == {"FINISHED"}
     assert len(low.data.uv_layers) == 1
     assert drawn_fixes()[1] == []
 

@@ -11,7 +11,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
-from addon.ui import bake_operators, modal, pair_operators, view_panel
+from addon.ui import bake_operators, fix_buttons, modal, pair_operators, view_panel
 from addon.ui.bake_results import results
 from addon.ui.live import live
 from addon.ui.modal import EVERY, free_if_idle
@@ -151,6 +151,68 @@ def test_esc_changes_nothing(pair, name, step):
     assert not live.is_on
     assert viewer.mode is Mode.OFF
     assert difference(before, snapshot()) == {}
+
+
+@pytest.fixture
+def small():
+    """Two small pairs."""
+    for name in ("one", "two"):
+        zoo.terrain(f"{name}_low", 2), zoo.terrain(f"{name}_high", 2)
+    yield
+    modal.runner.stop(bpy.context)
+
+
+OF_UVS = {
+    "unwrap": lambda: Button(fix_buttons.IMPRINT_OT_unwrap, names=["one_low", "two_low"]),
+    "pack": lambda: Button(pair_operators.IMPRINT_OT_pack_uvs, selected=False, anew=False),
+}
+"""Buttons for both low objects."""
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", OF_UVS)
+def test_uv_maps_are_made_in_slices_and_esc_changes_nothing(small, name):
+    before, steps, state = snapshot(), 1, set()
+    scenes = [*bpy.data.scenes]
+    while state != {"FINISHED"}:
+        button = OF_UVS[name]()
+        assert button.press() == {"RUNNING_MODAL"}
+        shares = []
+        for _ in range(steps):
+            state = button.event()
+            if display.current is None:
+                break
+            shares.append(display.current.done)
+        assert shares == sorted(shares)
+        if state != {"FINISHED"}:
+            assert button.event("ESC") == {"CANCELLED"}
+            assert button.reports == [("WARNING", "Stopped. Nothing was changed.")]
+            assert difference(before, snapshot()) == {}
+        assert is_clean() and [*bpy.data.scenes] == scenes
+        steps *= 2
+    assert steps > 4
+    assert [len(bpy.data.objects[each].data.uv_layers) for each in ("one_low", "two_low")] == [2, 2]
+    ((kind, said),) = button.reports
+    assert kind == "INFO" and "'one_low'" in said
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", OF_UVS)
+@pytest.mark.parametrize("end", ["file", "extension", "other window"])
+def test_uv_maps_that_are_not_finished_leave_nothing_behind(small, name, end):
+    button = OF_UVS[name]()
+    button.press()
+    button.event(), button.event()
+    if end == "file":
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    elif end == "extension":
+        addon.unregister()
+        addon.register()
+    else:
+        assert bpy.ops.imprint.stop() == {"FINISHED"}
+    assert is_clean() and len(bpy.data.scenes) == 1
+    assert button.event() == {"CANCELLED"}
+    assert not [mesh for mesh in bpy.data.meshes if "temporary" in mesh.name]
 
 
 @pytest.mark.usefixtures("tiny")

@@ -287,7 +287,7 @@ def _():
 
     def unwrapped():
         """A new UV map has them all."""
-        assert bpy.ops.imprint.fix(kind="UNWRAP") == {"FINISHED"}
+        assert bpy.ops.imprint.unwrap() == {"FINISHED"}
         assert bpy.ops.imprint.bake() == {"FINISHED"}
         color, position = (maps.pixels(bpy.data.images[f"figure_{name}"]) for name in ("base_color", "position"))
         expected = colors_at(position[..., 0] / 2.0 + 0.5)
@@ -770,7 +770,7 @@ def _(folder):
     select(*objects)
     use("AO", "POSITION", normal=True)
     for obj in objects:
-        assert bpy.ops.imprint.fix(kind="UNWRAP", low=obj.name) == {"FINISHED"}
+        assert bpy.ops.imprint.unwrap(low=obj.name) == {"FINISHED"}
 
     def eggs():
         for obj in objects:

@@ -141,11 +141,11 @@ def test_one_without_uvs_is_left_out_and_told(props):
     props[1].data.uv_layers.remove(props[1].data.uv_layers[0])
     panel = drawn()
     assert "'table' has no UV layer: unwrap it first." in panel.text
-    assert [(given.kind, given.low) for name, given in panel.given if name == "imprint.fix"] == [("UNWRAP", "table")]
+    assert [given.low for name, given in panel.given if name == "imprint.unwrap"] == ["table"]
     assert "imprint.make_asset" not in panel.buttons  # it takes all that is selected
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert [name for name, _ in results.batch().left_out] == ["table"]
-    assert bpy.ops.imprint.fix(kind="UNWRAP", low="table") == {"FINISHED"}
+    assert bpy.ops.imprint.unwrap(low="table") == {"FINISHED"}
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert not results.batch().left_out
 
@@ -199,8 +199,8 @@ def test_textures_are_read_by_their_own_uv_map_after_an_unwrap(props):
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     panel = panel_layout.draw()
     assert "belong to faces of different materials ('one', 'two')" in panel.text
-    assert "UNWRAP" in [given.kind for name, given in panel.given if name == "imprint.fix"]
-    assert bpy.ops.imprint.fix(kind="UNWRAP") == {"FINISHED"}
+    assert "imprint.unwrap" in [name for name, _ in panel.buttons]
+    assert bpy.ops.imprint.unwrap() == {"FINISHED"}
     assert [layer.active_render for layer in lamp.data.uv_layers] == [True, False]
     assert "Bakes the materials and the shape of 'lamp' itself" in drawn().text
     assert bpy.ops.imprint.bake() == {"FINISHED"}

@@ -432,7 +432,7 @@ def test_what_can_show_two_surfaces_is_a_note():
 
 
 def buttons(drawn):
-    return [given.kind for name, given in drawn.given if name == "imprint.fix"]
+    return panel_layout.fixes(drawn)
 
 
 def test_a_button_turns_udim_tiles_on():
@@ -472,7 +472,7 @@ def test_overlaps_have_a_button_that_unwraps():
     text, drawn = first_sign()
     assert text.endswith(f"{UNWRAPS}.") and UNWRAPS in severity.OVERLAP
     assert buttons(drawn) == [fixes.UNWRAP]
-    assert bpy.ops.imprint.fix(kind=fixes.UNWRAP) == {"FINISHED"}
+    assert bpy.ops.imprint.unwrap() == {"FINISHED"}
     assert first_sign()[0] == ""
 
 

@@ -114,8 +114,7 @@ class AppearanceJudge:
     def _seen(self, obj: bpy.types.Object, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
         """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set."""
         yield Progress(f"Unwrapping {low.triangles:,} triangles", 0.0)
-        with self._timings.timed("unwrap"):
-            unwrapping.unwrap(obj, settings, is_quick=True)
+        yield from part(self._timed(unwrapping.work(obj, settings, is_quick=True), "unwrap"), 0.0, 0.1)
         if texel is not None:
             side = map_side(obj, texel)
             settings = settings.sampled(width=side, height=side)
