@@ -13,6 +13,8 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import udim
 
 BLOCK = 1 << 18
@@ -143,8 +145,14 @@ def _local_stamp(state: os.stat_result) -> str:
 
 
 def canonical(value: Any) -> str:
-    """Plain data as JSON, the same text for the same data."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+    """Plain data as JSON, the same text for the same data: numbers of numpy, as scripts pass them, are those of Python."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), default=_plain)
+
+
+def _plain(value: Any) -> int | float | bool:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} is no plain data.")
 
 
 def short(value: Any) -> str:
