@@ -381,16 +381,17 @@ def _check_levels(options: argparse.Namespace) -> None:
 
 
 def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse.Namespace]:
-    """The options of the run, and of the bake of an asset: its `asset` has the texts of the limits. Raises WrongUsage."""
+    """The options of the run, and of the bake of an asset: its `asset` is what is wanted. Raises WrongUsage."""
     own, rest = ASSET.parser(program).parse_known_args(words)
-    limits_of_asset = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
+    texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
-        wanted = asset_limits.Wanted.of_texts(*limits_of_asset)
+        mending = asset_limits.Mending.of_texts(own.crumbs, own.holes)
+        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     size = ["--size", own.size] if own.size and not wanted.finds_size else []
     options = _of_bake(ASSET, [*rest, *size], program)
-    options.asset = limits_of_asset
+    options.asset = wanted
     if options.export and not options.output:
         path = Path(options.export)
         has_low = not wanted.levels or naming.has_low(path.name)

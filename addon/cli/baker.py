@@ -17,7 +17,6 @@ import numpy as np
 
 from .. import older_blender
 from ..core import file_formats, levels, naming, progress, udim
-from ..core.asset_limits import Wanted
 from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels import ChainReport
 from ..core.naming import printable
@@ -454,7 +453,7 @@ def _warn_early(name: str, warnings: Sequence[str], printed: list[str], meter: M
 
 def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
-    if options.levels or (options.asset and Wanted.of_texts(*options.asset).levels):
+    if options.levels or (options.asset and options.asset.levels):
         return "levels"
     return "pairs" if arguments.are_several(options) else "frames" if options.frames else ""
 
@@ -464,7 +463,7 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     if options.asset:
         is_made, low = jobs[0].low in jobs[0].highs, jobs[0].low.name
         low = naming.low_name_of(low, options.suffixes) if is_made else low
-        return [low, *naming.level_names(low, Wanted.of_texts(*options.asset).levels)]
+        return [low, *naming.level_names(low, options.asset.levels)]
     if options.levels:
         return naming.level_names(jobs[0].low.name, len(levels.limits(*options.levels)))
     return [_shared_name(options)] if _share_image(options) else [job.low.name for job in jobs]
@@ -507,8 +506,9 @@ def _baked(opened: _Opened, meter: Meter, printed: list[str]) -> _Baked:
     if options.asset:
         from ..jobs import asset  # likewise
 
-        wanted = Wanted.of_texts(*options.asset)
-        making = asset.work(bpy.context, jobs[0], wanted, settings, speed, suffixes=options.suffixes, wants=wants)
+        making = asset.work(
+            bpy.context, jobs[0], options.asset, settings, speed, suffixes=options.suffixes, wants=wants
+        )
         return _Baked(progress.finish(making, on_step))
     if options.levels:
         from ..jobs import lod  # likewise

@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from ..core.asset_limits import A_METER, AUTO, TRIANGLES
+from ..core.asset_limits import A_METER, AUTO, CRUMBS, HOLES, TRIANGLES
 from ..core.naming import did_you_mean
 from . import option_types
 from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption
@@ -183,6 +183,16 @@ ASSET = Command(
             "levels": CommandOption(
                 "How many levels of detail follow, each with half the triangles of the one before it, or twice its limits",
                 {"type": int, "default": 0, "metavar": "N"},
+            ),
+            "crumbs": CommandOption(
+                "Leave out parts that are smaller than this share of the largest one; 0 keeps all",
+                {"default": str(CRUMBS), "metavar": "PERCENT"},
+                str(CRUMBS),
+            ),
+            "holes": CommandOption(
+                "Fill holes that are smaller than this share of the largest part; 0 keeps all",
+                {"default": str(HOLES), "metavar": "PERCENT"},
+                str(HOLES),
             ),
             "size": CommandOption(
                 f"Of the maps: {AUTO} for texels as small as the high meshes' triangles, 512{A_METER} for at "

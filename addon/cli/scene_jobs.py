@@ -8,7 +8,6 @@ from contextlib import suppress
 import bpy
 
 from ..core import naming
-from ..core.asset_limits import Wanted
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import Suffixes
 from ..jobs.job import Job, jobs_by_name
@@ -133,13 +132,13 @@ def _of_asset(options: argparse.Namespace) -> Job:
 
 def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
     """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
-    wanted = options.asset[1].strip()
-    if job.low in job.highs or options.low or not wanted or job.low.type != "MESH":
+    wanted = options.asset
+    if job.low in job.highs or options.low or not wanted.is_count_given or job.low.type != "MESH":
         return []
     count = count_triangles(job.low.data)
-    if count == Wanted.of_texts(*options.asset).triangles:
+    if count == wanted.triangles:
         return []
     return [
-        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted}: it was baked as it is. Rename or "
-        "remove it to have a low mesh made."
+        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted.triangles:,}: it was baked as it is. "
+        "Rename or remove it to have a low mesh made."
     ]

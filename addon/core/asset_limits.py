@@ -10,6 +10,10 @@ from .simplify import LEAST, Limit
 
 TRIANGLES = 5000
 """How many triangles a low mesh has if nothing else is said."""
+CRUMBS, HOLES = 1, 2
+"""Percent of the size below which parts are left out, and below which holes are filled, if nothing else is said."""
+MOST_MENDED = 0.25
+"""The largest share of the size that these may be."""
 AUTO = "auto"
 """The word for maps as large as the detail needs."""
 A_METER = "/m"
@@ -29,6 +33,35 @@ MOST_LEVELS = 8
 
 
 @dataclass(frozen=True)
+class Mending:
+    """What is mended of a high surface before low meshes are made of it.
+
+    Attributes:
+        crumbs: The share of the size of the largest part below which parts are left out; 0 for none.
+        holes: The share of that size below which holes are filled; 0 for none.
+    """
+
+    crumbs: float = CRUMBS / 100.0
+    holes: float = HOLES / 100.0
+
+    @classmethod
+    def of_texts(cls, crumbs: str, holes: str) -> "Mending":
+        """Percents in texts, each of which may be empty. Raises BakeError."""
+        percents = [text.strip().removesuffix("%").strip() for text in (crumbs, holes)]
+        return cls(*(_number(text, "a size in percent") / 100.0 if text else 0.0 for text in percents))
+
+    def check(self) -> None:
+        """Raise BakeError for sizes that no part can have."""
+        for name, share in (("Crumbs", self.crumbs), ("Holes", self.holes)):
+            if not 0.0 <= share <= MOST_MENDED:
+                raise BakeError(f"{name} of {100.0 * share:g} % are not small: give 0 to {100.0 * MOST_MENDED:g}.")
+
+
+USUAL_MENDING = Mending()
+"""What is mended if nothing else is said."""
+
+
+@dataclass(frozen=True)
 class Wanted:
     """The limits of an asset.
 
@@ -41,6 +74,7 @@ class Wanted:
         levels: How many levels of detail follow the low mesh.
         density: The texels a meter that the maps have at least; 0 for the size in the settings.
         is_count_given: Whether the user gave the number of triangles, and not the default, which is a most.
+        mending: Of the high surface.
     """
 
     degrees: float = math.inf
@@ -50,6 +84,7 @@ class Wanted:
     levels: int = 0
     density: float = 0.0
     is_count_given: bool = True
+    mending: Mending = USUAL_MENDING
 
     @classmethod
     def of_texts(
@@ -61,6 +96,7 @@ class Wanted:
         levels: int = 0,
         *,
         is_count_given: bool = True,
+        mending: Mending = USUAL_MENDING,
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -77,7 +113,7 @@ class Wanted:
         if word.endswith(A_METER) and not density > 0.0:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
-        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given)
+        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given, mending)
         result.check()
         return result
 
@@ -111,6 +147,7 @@ class Wanted:
 
     def check(self) -> None:
         """Raise BakeError for limits that no mesh can have."""
+        self.mending.check()
         if not self.degrees > 0.0:
             raise BakeError(f"{self.degrees:g} degrees cannot be a limit: give a number above 0.")
         if not self.distance > 0.0:
@@ -144,6 +181,10 @@ class HowMade:
     """The share of their area that sees nothing of the outside."""
     faults: float | None = None
     """The share of edges of more than two triangles, or of two that point to different sides."""
+    crumbs: int | None = None
+    """The parts that were too small to be kept."""
+    holes: int | None = None
+    """The holes that were filled."""
     measured: int | None = None
     """How many low meshes were compared."""
     limits: dict[str, float] | None = None

@@ -327,6 +327,8 @@ class Report:
             tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
             inside = f", {how['inside']:.0%} of the area lies inside" if how["inside"] > 0.005 else ""
             lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles{inside}, {way}{tries}")
+        for name, done in (("crumbs", "small parts were left out"), ("holes", "small holes were filled")):
+            lines += [f"{self.low}: {how.get(name, 0):,} {done}"] * bool(how.get(name))
         stages = {stage: seconds for stage, seconds in how.get("seconds", {}).items() if stage != "total"}
         if any(stages.values()):
             lines.append(f"Low mesh: {_in_stages(stages, how['seconds']['total'])}")

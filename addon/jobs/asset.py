@@ -93,7 +93,7 @@ def work(
             check_gpu()
             yield Progress("Reading the high objects", 0.0)
             with timings.timed("read"):
-                high = high_surface.read(context, job, settings, timings)
+                high = high_surface.read(context, job, settings, timings, wanted.mending)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             lows = yield from part(_Making(context, high, judge).lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
         unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
@@ -160,6 +160,8 @@ class _Making:
         """A low mesh within its limits, or as near as can be, its maker, and how many were measured. maker: None for the
         best."""
         most = max(each.triangles for each in self.high.sources)
+        if wanted.has_count and not wanted.is_count_given:
+            most = min(most, self.high.count)  # voxels could have more
         most = min(most, wanted.triangles) if wanted.triangles else most
         first = most if wanted.has_count else min(most, max(FEWEST, round(SHARE * len(self.high.triangles))))
         compared = Search(wanted.search_limit, self.judge.quickly, LowMesh.remove)
@@ -195,6 +197,8 @@ class _Making:
             of=self.high.count,
             inside=self.high.hidden_share,
             faults=self.high.bad_edge_share,
+            crumbs=self.high.crumbs + source.left_out,
+            holes=self.high.holes,
             measured=measured,
             limits=wanted.to_dict(),
         )

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..core import levels
-from ..core.asset_limits import AUTO, Wanted
+from ..core.asset_limits import AUTO, Mending, Wanted
 from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError
 from ..core.levels import ChainReport
@@ -108,6 +108,7 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             settings.asset_distance,
             settings.asset_levels,
             is_count_given=settings.is_property_set("asset_triangles"),
+            mending=Mending.of_texts(settings.asset_crumbs, settings.asset_holes),
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():
@@ -149,7 +150,8 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        names = "asset_triangles", "asset_degrees", "asset_distance", "asset_fits_size", "asset_levels", "export"
+        names = "asset_triangles", "asset_degrees", "asset_distance"
+        names += "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels", "export"
         draw_props(split_layout(layout.column()), context.scene.imprint, *names)
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from addon import older_blender
 from addon.audit import appearance
-from addon.core.asset_limits import STAGES, Wanted
+from addon.core.asset_limits import STAGES, Mending, Wanted
 from addon.core.errors import BakeError, NothingDrawn
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, Timings, finish
@@ -15,8 +15,9 @@ from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
 from addon.jobs.simplify import appearance_judge, high_surface
-from addon.mesh import folds
+from addon.mesh import folds, topology
 from addon.mesh.closest import Surface
+from addon.mesh.topology import EdgeTable
 from addon.scene import mesh_reader
 from tests.support import quick_assets, spoiled, zoo
 from tests.support.snapshot import difference, snapshot
@@ -471,3 +472,37 @@ def test_a_chess_piece_is_nearer_than_by_hand(shared_assets):
     surface = Surface((mesh_reader.points(high.data) @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32), corners)
     far = np.sqrt(surface.closest(points[triangles].mean(axis=1).astype(np.float32))[2])
     assert far.max() < 0.01 * max(high.dimensions)
+
+
+def with_crumbs(count, size):
+    """A ball with a hole, and tetrahedra in the boxes of `size` around it."""
+    soup = spoiled.of_object(zoo.ball("Ball", 32))
+    rng = np.random.default_rng(3)
+    around = rng.normal(size=(count, 1, 3))
+    around *= rng.uniform(1.1, 1.4, (count, 1, 1)) / np.linalg.norm(around, axis=2, keepdims=True)
+    points = around + 0.5 * size * np.array([(1, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)])
+    corners = np.arange(count)[:, None, None] * 4 + np.array([(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
+    is_open = soup.points[soup.triangles].mean(axis=1)[:, 2] < -0.995  # the triangles of a pole
+    crumbs = spoiled.Soup(points.reshape(-1, 3), corners.reshape(-1, 3))
+    return spoiled.build("Scan", spoiled.joined(spoiled.Soup(soup.points, soup.triangles[~is_open]), crumbs))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("size", "mending", "crumbs", "holes", "parts"),
+    [
+        (0.015, Mending(0.01, 0.12), 300, 1, (1, 1)),
+        (0.015, Mending(0.0, 0.0), 275, 0, (15, 26)),  # 4 of 200 triangles for each of half of them
+        (0.025, Mending(0.01, 0.0), 275, 0, (15, 26)),
+    ],
+)
+def test_crumbs_and_holes_do_not_cost_triangles(size, mending, crumbs, holes, parts):
+    scan = with_crumbs(300, size)
+    settings = Settings(width=256, height=256, storage="MEMORY", margin=2)
+    report, low = made([scan], Wanted(triangles=200, mending=mending), settings)
+    assert len(low.data.polygons) == pytest.approx(200, rel=MOST_OFF)
+    assert report.asset["holes"] == holes and crumbs <= report.asset["crumbs"] <= 300
+    points, triangles = arrays(low)
+    assert parts[0] <= topology.components(tuple(triangles.T), len(points))[1] <= parts[1]
+    assert (len(EdgeTable.of(triangles).alone) == 0) == bool(holes)
+    assert f"{report.asset['crumbs']} small parts were left out" in "\n".join(report.summary())

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.asset_limits import SIZES, Wanted, size_for
+from addon.core.asset_limits import SIZES, Mending, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, welding
@@ -187,6 +187,17 @@ def test_only_a_number_of_triangles_that_was_given_is_a_promise():
     assert default.of_level(1, 48).triangles == 24 and not default.of_level(1, 48).has_missed(20)
     assert not within.has_missed(9_000)  # the degrees decide
     assert 1.0 < within.search_limit.excess(2.0, 0.0) < 1.1  # the finished UV map costs some of them
+
+
+def test_crumbs_and_holes_are_percents():
+    assert Mending.of_texts("", "3 %") == Mending(0.0, 0.03)
+    for texts, reason in (
+        (("x", ""), "not a size in percent"),
+        (("26", ""), "Crumbs of 26 %"),
+        (("", "-1"), "Holes of -1 %"),
+    ):
+        with pytest.raises(BakeError, match=reason):
+            Wanted.of_texts("", "", "", mending=Mending.of_texts(*texts))
 
 
 def test_a_size_is_texels_a_meter():

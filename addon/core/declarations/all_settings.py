@@ -112,6 +112,18 @@ ASSET: dict[str, Setting] = {
         empty="no limit",
         option=None,
     ),
+    "asset_crumbs": Text(
+        label="Crumbs",
+        tooltip="Parts below this size, in percent of the largest part, are left out",
+        default=str(asset_limits.CRUMBS),
+        option=None,
+    ),
+    "asset_holes": Text(
+        label="Holes",
+        tooltip="Holes below this size, in percent of the largest part, are filled",
+        default=str(asset_limits.HOLES),
+        option=None,
+    ),
     "asset_fits_size": Switch(
         label="Size by Detail",
         tooltip="Make the maps as large as it takes for texels as small as the triangles of the high objects, from "

@@ -13,11 +13,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ...core.asset_limits import USUAL_MENDING, Mending
 from ...core.errors import BakeError
 from ...core.progress import Timings
 from ...core.settings import Settings
 from ...engine import hidden_faces
-from ...mesh import orientation, topology
+from ...mesh import orientation, small_parts, topology
 from ...mesh.closest import Surface
 from ...mesh.edges import is_without_area
 from ...mesh.fitting import Samples, surface_samples
@@ -66,6 +67,8 @@ class HighSurface:
         bad_edge_share: Of the edges, as EdgeTable.bad_edge_share.
         edge: The side of a triangle of middle size, in scene units.
         count: The triangles of the high objects, before any are thinned.
+        crumbs: The parts that were left out.
+        holes: Those that were filled.
     """
 
     points: np.ndarray
@@ -77,6 +80,8 @@ class HighSurface:
     bad_edge_share: float
     edge: float
     count: int
+    crumbs: int = 0
+    holes: int = 0
 
     def distance(self, low: bpy.types.Object) -> float:
         """The distance between this surface and a low object that 99 % of the samples on each of them have at most.
@@ -106,7 +111,9 @@ class HighSurface:
         return Surface(self.points, self.triangles)
 
 
-def read(context: bpy.types.Context, job: Job, settings: Settings, timings: Timings) -> HighSurface:
+def read(
+    context: bpy.types.Context, job: Job, settings: Settings, timings: Timings, mending: Mending = USUAL_MENDING
+) -> HighSurface:
     """Read the high objects of a job with their modifiers and instances. Raises BakeError.
 
     timings: get the time of this, as "read", and of low meshes, as their sources say.
@@ -120,11 +127,13 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, timings: Timi
     farthest = float(np.abs(points).max())
     if farthest > FAR_AWAY:
         raise BakeError(f"{name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest.")
-    edges = EdgeTable.of(triangles)
-    if edges.is_against.any():
+    is_crumb, crumbs = small_parts.is_crumb(points, triangles, mending.crumbs)
+    triangles = triangles[~is_crumb]
+    if EdgeTable.of(triangles).is_against.any():
         triangles = _to_one_side(points, triangles)
-        edges = EdgeTable.of(triangles)
-    bad = edges.bad_edge_share
+    points, triangles, holes = small_parts.filled(points, triangles, mending.holes)
+    points, triangles = weld(points, triangles)
+    bad = EdgeTable.of(triangles).bad_edge_share
     data = new_mesh(points, triangles)
     samples = surface_samples(points, triangles, SAMPLES)
     if not len(samples.points):
@@ -132,7 +141,7 @@ def read(context: bpy.types.Context, job: Job, settings: Settings, timings: Timi
     is_seen = _seen(data, points, triangles, samples)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
     sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
-    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count)
+    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes)
 
 
 def _sources(

@@ -15,7 +15,7 @@ from mathutils import Matrix
 from ...core.asset_limits import OFF
 from ...core.progress import Timings
 from ...core.simplify import Candidate
-from ...mesh import face_weights, fitting, folds
+from ...mesh import face_weights, fitting, folds, small_parts
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
 from ...mesh.fitting import Samples, surface_samples
@@ -24,6 +24,9 @@ from .. import temporary
 from ..temporary import TEMPORARY
 from .decimation import decimated
 
+SHARES_FOR_PARTS = 0.5, 0.2, 0.1, 0.05
+"""The shares of the triangles of a low mesh that tetrahedra in place of its parts may take: the next one, if the parts took
+more."""
 VOXELS = 60_000
 """About how many voxels the outer surface has that is remeshed."""
 MOST_ALONG = 2000
@@ -65,6 +68,7 @@ class DecimationSource:
         weights: Of the triangles of `dense`, if edges collapse to the best points by them, as mesh/collapse.py does; without
             them, Decimate makes it all.
         partial: Where these collapses go on, so far.
+        left_out: How many parts it lacks, since a low mesh has no triangles for them.
     """
 
     data: bpy.types.Mesh
@@ -76,6 +80,7 @@ class DecimationSource:
     bias: float = 1.0
     weights: np.ndarray | None = None
     partial: list[PartialCollapse] = field(default_factory=list)
+    left_out: int = 0
 
     @property
     def triangles(self) -> int:
@@ -91,7 +96,21 @@ class DecimationSource:
         return replace(self, bias=self.bias * COLLAPSE_BIAS, weights=weights, partial=[])
 
     def make(self, triangles: int) -> list["LowMesh"]:
-        """A low mesh of about this many triangles."""
+        """A low mesh of about this many triangles, without the smallest parts, if all of them took too many."""
+        source, low = self, None
+        for share in SHARES_FOR_PARTS:
+            fewer = self._of_parts(int(share * triangles))
+            if low is not None and fewer.left_out == source.left_out:
+                continue
+            if low is not None:
+                low.remove()
+            source, low = fewer, fewer._made(triangles)
+            if low.triangles <= (1.0 + OFF) * triangles:
+                break
+        return [low]
+
+    def _made(self, triangles: int) -> "LowMesh":
+        """A low mesh of about this many triangles, or of more if its parts cannot become coarser."""
         with self.timings.timed("decimate"):
             data = self._unfolded_low(triangles)
             points, nearest = fitting.fit(*arrays(data), self.samples)
@@ -99,18 +118,36 @@ class DecimationSource:
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)
-        return [LowMesh(data, self, nearest)]
+        return LowMesh(data, self, nearest)
 
     def corrected(self, candidate: Candidate) -> "DecimationSource | None":
         """The same mesh, whose edges collapse by what a viewer saw of a low one that its edges became."""
         appearance, nearest = candidate.deviation.appearance, candidate.mesh.nearest
-        if not self.is_collapsed or appearance is None:
+        if not self.is_collapsed or appearance is None or candidate.mesh.source is not self:
             return None
         sums = np.bincount(nearest, appearance.places * self.samples.shares)
         excess = sums / max(float(sums.mean()), 1e-300)
         _, triangles = arrays(self.dense)
         weights = face_weights.by_error(self.weights, triangles, self.samples.triangles, excess[nearest])
         return replace(self, weights=weights)
+
+    def _of_parts(self, triangles: int) -> "DecimationSource":
+        """The same mesh without the smallest parts, if all of them would take more than so many triangles."""
+        points, corners = arrays(self.dense)
+        is_kept, left_out = small_parts.largest(points, corners, triangles)
+        if not left_out:
+            return self
+        dense, number = new_mesh(points, corners[is_kept]), np.cumsum(is_kept) - 1
+        samples = self.samples.chosen(is_kept[self.samples.triangles])
+        return replace(
+            self,
+            data=dense,
+            dense=dense,
+            samples=replace(samples, triangles=number[samples.triangles]),
+            weights=None if self.weights is None else self.weights[is_kept],
+            partial=[],
+            left_out=self.left_out + left_out,
+        )
 
     def _unfolded_low(self, triangles: int) -> bpy.types.Mesh:
         """A mesh of about this many triangles, without folds."""

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Crumbs and holes of surfaces, by counting."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import small_parts
+from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import enclosed_volumes, face_areas
+from addon.mesh.welding import weld
+
+SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float), np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def grid(n, without=()):
+    """The square 0..1 in n x n cells of two triangles, without some cells (column, row)."""
+    x, y = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    points = np.stack([x.ravel() / n, y.ravel() / n, 0.0 * x.ravel()], axis=1)
+    cells = [(i, j) for j in range(n) for i in range(n) if (i, j) not in without]
+    first = np.array([i + j * (n + 1) for i, j in cells])
+    halves = np.stack([first, first + 1, first + n + 2]), np.stack([first, first + n + 2, first + n + 1])
+    return points, np.concatenate([half.T for half in halves])
+
+
+def joined(*parts):
+    points, triangles, count = [], [], 0
+    for some, faces in parts:
+        points.append(some)
+        triangles.append(faces + count)
+        count += len(some)
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+def small(scale, place=(5.0, 0.0, 0.0), shape=SQUARE):
+    return shape[0] * scale + place, shape[1]
+
+
+def test_parts_below_a_share_of_the_largest_are_crumbs():
+    surface = joined(small(0.099), grid(4), small(0.101), small((0.09, 0.2, 1.0)), small(0.05))
+    chosen, count = small_parts.is_crumb(*surface, 0.1)
+    assert count == 2 and np.flatnonzero(chosen).tolist() == [0, 1, 38, 39]
+
+
+def test_a_far_crumb_does_not_make_the_rest_small():
+    surface = joined(grid(4), small(0.05, (1000.0, 0.0, 0.0)), small(0.2))
+    assert small_parts.is_crumb(*surface, 0.1)[1] == 1
+
+
+@pytest.mark.parametrize(("count", "is_heap"), [(11, False), (12, True)])
+def test_a_heap_of_crumbs_stays(count, is_heap):
+    """Eleven of a hundredth of the area are 0.0991 of it, twelve 0.1071."""
+    surface = joined(grid(3), *(small(0.1, (number, 2.0, 0.0)) for number in range(count)))
+    chosen, found = small_parts.is_crumb(*surface, 0.11)
+    assert (found, chosen.sum()) == ((0, 0) if is_heap else (count, 2 * count))
+
+
+def test_nothing_has_neither_crumbs_nor_holes():
+    points, triangles = np.zeros((0, 3)), np.zeros((0, 3), int)
+    assert small_parts.is_crumb(points, triangles, 0.1)[1] == 0
+    assert small_parts.filled(points, triangles, 0.1)[2] == 0
+
+
+def test_the_largest_parts_have_room_for_their_least_triangles():
+    """The grid takes four, a square two."""
+    surface = joined(small(0.2), grid(4), small(0.4), small(0.3))
+    for most, kept in ((3, [1]), (4, [1]), (5, [1]), (6, [1, 2]), (8, [1, 2, 3]), (9, [1, 2, 3]), (10, [0, 1, 2, 3])):
+        part = np.repeat([0, 1, 2, 3], [2, 32, 2, 2])
+        chosen, left_out = small_parts.largest(*surface, most)
+        assert np.array_equal(chosen, np.isin(part, kept)) and left_out == 4 - len(kept), most
+
+
+@pytest.mark.parametrize(
+    ("share", "area", "borders", "found"),
+    [(0.099, 0.95, 58, 0), (0.11, 0.96, 54, 1), (0.21, 1.0, 40, 3)],
+)
+def test_holes_are_closed_and_borders_are_not(share, area, borders, found):
+    """Holes of one cell, of 2 x 1, and two of one cell that touch in a corner, which count as one of two by two."""
+    points, triangles = grid(10, {(2, 2), (5, 3), (6, 3), (7, 7), (6, 6)})
+    new, faces, count = small_parts.filled(points, triangles, share)
+    assert count == len(new) - len(points) == found
+    assert face_areas(new, faces).sum() == pytest.approx(area)
+    new, faces = weld(new, faces)  # where holes touch, the middle of both can be a vertex
+    assert len(EdgeTable.of(faces).alone) == borders
+    assert not EdgeTable.of(faces).is_against.any()
+    normals = np.cross(new[faces[:, 1]] - new[faces[:, 0]], new[faces[:, 2]] - new[faces[:, 0]])
+    assert (normals[:, 2] > 0.0).all()
+
+
+def test_a_hole_of_a_ball_is_closed_from_outside():
+    points = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
+    corners = [(i, j, k) for i in (0, 1) for j in (2, 3) for k in (4, 5)]
+    triangles = np.array([(a, b, c) if np.linalg.det(points[[a, b, c]]) > 0 else (a, c, b) for a, b, c in corners])
+    assert small_parts.filled(points, triangles[1:], 0.9)[2] == 0  # half of the part
+    other = joined((points, triangles[1:]), small(100.0, (50.0, 0.0, 0.0)))
+    assert small_parts.filled(*other, 0.9)[2] == 0  # beside a large part as well
+    fine = joined((points * 0.2 + (0.5, 0.5, 0.5), triangles), grid(2))
+    assert small_parts.filled(*fine, 0.9)[2] == 0  # nothing is open but the grid
+
+
+def test_a_sphere_with_a_hole_encloses_its_volume_again():
+    n = 12
+    i, j = np.meshgrid(np.arange(2 * n), np.arange(1, n), indexing="xy")
+    a, b = np.pi * i / n, np.pi * j / n
+    belt = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1).reshape(-1, 3)
+    here, right = (np.arange(2 * n) + 2 * n * k for k in (0, 0))
+    faces = []
+    for k in range(n - 2):
+        here, right = np.arange(2 * n) + 2 * n * k, (np.arange(2 * n) + 1) % (2 * n) + 2 * n * k
+        faces += [np.stack([here, here + 2 * n, right], axis=1), np.stack([right, here + 2 * n, right + 2 * n], axis=1)]
+    triangles = np.concatenate(faces)
+    points, closed, count = small_parts.filled(belt, triangles, 0.4)  # both caps are 0.52 / 2 wide
+    assert count == 2 and EdgeTable.of(closed).counts.tolist() == [2] * len(EdgeTable.of(closed).counts)
+    assert enclosed_volumes(points, closed).sum() / 6.0 > 3.9
+    assert small_parts.filled(belt, triangles, 0.25)[2] == 0
+
+
+def test_a_slit_without_an_area_gets_no_triangles():
+    points = np.array([(0, 0, 0), (1, 0, 0), (0.4, 0, 0), (0.5, 1, 0), (0.5, -1, 0), (0, 9, 0), (9, 9, 0)], float)
+    triangles = np.array([(0, 1, 3), (2, 0, 4), (1, 2, 4), (0, 3, 5), (3, 6, 5), (3, 1, 6)])
+    new, closed, _ = small_parts.filled(points, triangles, 0.2)
+    assert face_areas(new, closed).min() > 0.0 and len(closed) == len(triangles)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_order_changes_nothing(seed):
+    rng = np.random.default_rng(seed)
+    points, triangles = joined(grid(8, {(2, 2), (5, 5), (5, 6)}), small(0.05))
+    order, turn = rng.permutation(len(triangles)), rng.integers(0, 3, len(triangles))
+    mixed = np.take_along_axis(triangles, (np.arange(3) + turn[:, None]) % 3, axis=1)[order]
+    assert np.array_equal(
+        small_parts.is_crumb(points, mixed, 0.1)[0], small_parts.is_crumb(points, triangles, 0.1)[0][order]
+    )
+    assert small_parts.filled(points, mixed, 0.3)[2] == small_parts.filled(points, triangles, 0.3)[2] == 2
