@@ -21,7 +21,8 @@ from ..mesh.uv_stacks import Stacks
 from ..scene import mesh_reader
 from ..scene.high_materials import sets_of
 from . import temporary
-from .unwrapping import MOST, editing, pack_boxes
+from .flattening import editing
+from .unwrapping import MOST, pack_boxes
 
 LAYER = "Atlas"
 """The UV map of each object."""

@@ -1,56 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gives low meshes a UV map: cuts a copy into charts in several ways, unwraps them by Blender, and takes the sharpest.
+"""Gives low meshes a UV map: cuts a copy into charts in several ways, flattens them, and takes what uses a map best.
 
 The mesh itself only gets the UV map. Its modes, its selection and its seams stay as they are.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 
 import bpy
 import numpy as np
 
 from ..audit import mip_gaps
+from ..core import foreach
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task, finish, part
 from ..core.settings import SamplingSettings, Settings
-from ..mesh import uv_crossings, uv_islands, uv_packing, uv_stretch
+from ..mesh import uv_charts, uv_islands, uv_packing, uv_stretch
 from ..mesh.edges import is_without_area
-from ..mesh.topology import edge_keys
+from ..mesh.topology import EdgeTable
 from ..mesh.triangle_mesh import Mesh
-from ..mesh.uv_charts import Charts
+from ..mesh.uv_charts import ChartOptions
 from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader, object_checks
 from ..scene.object_checks import ObjectRef
 from . import temporary
+from .flattening import Flattened, Flattener, editing
 
 NAME = "UVMap"
 """Of the new UV map, as Blender calls it."""
 MOST = 8
 """UV maps of a mesh, in Blender."""
-STEPS = (
-    (300.0, ""),
-    (100.0, "tiny charts"),
-    (30.0, ""),
-    (10.0, ""),
-    (3.0, ""),
-    (1.0, "small charts"),
-    (0.3, "medium charts"),
-    (0.1, "large charts"),
-)
-"""The steps in which charts grow: how much stretch counts, and their name if they are tried. Where they are bad they are split
-into those of the step before."""
-QUICK = "medium charts"
-"""Those that are tried if it has to be quick."""
-MANY = 600
-"""More charts than this are not tried, and more islands are packed by boxes alone: both would take long."""
-TINIEST, FEW = STEPS[1][1], 200
-"""The smallest charts that are tried, and only if there are few: many margins cost more of the map than stretch does."""
-AGAIN = 8
-"""How often charts are unwrapped anew, at most, because some are bad."""
+STEPS = (100.0, 10.0, 3.0, 1.0, 0.3, 0.1)
+"""The steps in which charts grow: how much stretch counts. Each chart of the last step is taken, or parts of it."""
+QUICK = (30.0, 1.0)
+"""The steps if it has to be quick."""
+PRICES = (0.4, 1.0, 2.5)
+"""What borders cost, as factors on their price: what packing makes of them shows when it is done."""
+CLOSE = 0.97
+"""Of ways that reach this share of the best figure, the one with the fewest islands is taken."""
 ANGLE = np.radians(66.0)
 """The angle between faces from which Smart Project cuts, as Blender has it."""
 
@@ -60,47 +49,36 @@ class Unwrapped:
     """A way to unwrap, and what it gave.
 
     Attributes:
-        mesh: With its UVs.
-        of: The island of each of its triangles.
         name: Of the way, for messages.
-        side: Texels of the map's shorter side.
+        flattened: Its islands.
     """
 
     name: str
-    mesh: Mesh
-    of: np.ndarray
-    side: int
+    flattened: Flattened
 
-    @cached_property
-    def layout(self) -> Layout:
-        """How the UVs use the map."""
-        return uv_stretch.measure(
-            _points(self.mesh), self.mesh.uv[self.mesh.triangles], self.side, self.mesh.vertices[self.mesh.triangles]
-        )
 
-    @property
-    def islands(self) -> int:
-        """Their number."""
-        return int(self.of.max(initial=-1)) + 1
+@dataclass(frozen=True)
+class Packed:
+    """UVs in the map.
+
+    Attributes:
+        way: What is packed.
+        uv: Of each corner, float32.
+        layout: How they use the map.
+    """
+
+    way: Unwrapped
+    uv: np.ndarray
+    layout: Layout
 
     @property
     def sentence(self) -> str:
         """The figures, as a clause."""
         layout = self.layout
         return (
-            f"{self.islands:,} islands by {self.name}, {layout.used:.0%} of the map used, stretch {layout.angle:.2f} (angles), "
-            f"{layout.area:.2f} (areas)"
+            f"{layout.islands:,} islands by {self.way.name}, {layout.used:.0%} of the map used, "
+            f"stretch {layout.angle:.2f} (angles), {layout.area:.2f} (areas)"
         )
-
-    def packed(self, margin: float, *, is_quick: bool = False) -> "Unwrapped":
-        """With the islands packed by their outlines if that is better. margin: around each, as a share of the map's side."""
-        if self.islands > MANY:
-            return self
-        uv = uv_packing.pack(self.mesh.uv, self.mesh.triangles, PackOptions(margin, self.of, is_quick))
-        if uv is None:
-            return self
-        packed = replace(self, mesh=replace(self.mesh, uv=uv.astype(np.float32)))
-        return max(self, packed, key=lambda each: each.layout.sharpness)
 
 
 def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> str:
@@ -118,17 +96,13 @@ def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -
     return apply(ref.resolve(), found)
 
 
-def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Unwrapped]:
+def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Packed]:
     """The best UV map of an object's own mesh, which stays as it is. As `work`."""
     check(low)
     name = low.name
-    unwrapped = yield from part(attempts(low, sampling, is_quick=is_quick), 0.0, 0.9)
-    best = max(unwrapped, key=lambda each: each.layout.sharpness, default=None)
-    if best is None or best.layout.sharpness == 0.0:
+    best = yield from _best(low, sampling, is_quick=is_quick)
+    if best is None:
         raise BakeError(f"{name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
-    if not is_quick:
-        yield Progress("Packing UV islands", 0.9)
-        best = best.packed(margin(sampling))
     return best
 
 
@@ -140,14 +114,14 @@ def check(low: bpy.types.Object) -> None:
         raise BakeError(f"{low.name!r} has as many UV maps as a mesh can have: remove one.")
 
 
-def apply(low: bpy.types.Object, found: Unwrapped) -> str:
+def apply(low: bpy.types.Object, found: Packed) -> str:
     """Give an object's own mesh the UV map that was found for it. Returns a sentence. Raises BakeError if it has other faces
     by now."""
-    if len(low.data.uv_layers) == MOST or 2 * len(low.data.loops) != found.mesh.uv.size:
+    if len(low.data.uv_layers) == MOST or 2 * len(low.data.loops) != found.uv.size:
         raise BakeError(f"{low.name!r} has changed meanwhile: unwrap it again.")
     shows_textures = bool(low.data.uv_layers) and bool(object_checks.textures_of(low))
     layer = low.data.uv_layers.new(name=NAME, do_init=False)
-    layer.uv.foreach_set("vector", found.mesh.uv.reshape(-1))
+    layer.uv.foreach_set("vector", found.uv.reshape(-1))
     low.data.uv_layers.active = layer
     if not shows_textures:  # else these stay where they are, and a bake moves them
         layer.active_render = True
@@ -155,45 +129,29 @@ def apply(low: bpy.types.Object, found: Unwrapped) -> str:
     return f"{low.name!r} is unwrapped: {found.sentence}"
 
 
-def attempts(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[list[Unwrapped]]:
-    """What each way gives with the margin that the clean mip levels of the settings need, packed quickly."""
-    seams = np.zeros(len(low.data.edges), bool)
-    low.data.edges.foreach_get("use_seam", seams)
+def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Packed | None]:
+    """The best UVs for an object's own mesh; None if it has no area."""
     with _copy(low) as obj:
+        yield Progress("Cutting into charts", 0.0)
         mesh = _read(obj)
         if is_without_area(mesh):
-            return []
-        yield Progress("Cutting into charts", 0.0)
-        charts = Charts(mesh.positions, mesh.vertices[mesh.triangles], mesh.faces, margin(sampling), _hard(obj.data))
-        ways: dict[str, Callable[[], bool]] = {}
-        for stretch, name in STEPS:
-            charts.grow(stretch)
-            most = FEW if name == TINIEST else MANY
-            if name and charts.count <= most and (name == QUICK or not is_quick):
-                ways[name] = partial(_by_charts, obj, charts, charts.steps)
-        if seams.any() and not is_quick:
-            ways["the mesh's seams"] = partial(_by_seams, obj, seams)
-        unwrapped: list[Unwrapped | None] = []
-        for done, (name, way) in enumerate(ways.items()):
-            yield Progress(f"Unwrapping by {name}", (1 + done) / (1 + len(ways)))
-            unwrapped.append(_attempt(obj, name, way, sampling))
-        if not any(unwrapped):
-            unwrapped = [_attempt(obj, "Smart Project", partial(_project, obj), sampling)]
-        return [each for each in unwrapped if each]
-
-
-def _attempt(obj: bpy.types.Object, name: str, way: Callable[[], bool], sampling: SamplingSettings) -> Unwrapped | None:
-    """Unwrap an object and pack its islands. Returns None if Blender cannot."""
-    try:
-        if not way():
             return None
-        with editing(obj):
-            pack_boxes(margin(sampling))
-    except RuntimeError:  # an operator that cannot work says so in this way
-        return None
-    mesh = _read(obj)
-    unwrapped = Unwrapped(name, mesh, uv_islands.islands(mesh), min(sampling.size))
-    return unwrapped.packed(margin(sampling), is_quick=True)
+        unwrapping = _Unwrapping(obj, mesh, sampling)
+        ways = yield from part(unwrapping.ways(is_quick=is_quick), 0.0, 0.6)
+        packed = []
+        for done, way in enumerate(ways):
+            yield Progress("Packing UV islands", 0.6 + 0.2 * done / len(ways))
+            packed.append(unwrapping.packed(way, is_quick=True))
+        most = max(each.layout.figure for each in packed)
+        best = min(
+            (each for each in packed if each.layout.figure >= CLOSE * most),
+            key=lambda each: (each.layout.islands, -each.layout.figure),
+        )
+        if not is_quick:
+            way = yield from part(unwrapping.relaxed(best.way), 0.8, 0.9)
+            yield Progress("Packing UV islands", 0.9)
+            best = max(best, unwrapping.packed(way), key=lambda each: each.layout.figure)
+        return best
 
 
 def margin(sampling: SamplingSettings) -> float:
@@ -201,53 +159,12 @@ def margin(sampling: SamplingSettings) -> float:
     return mip_gaps.needed(sampling) / 2.0 / min(sampling.size)
 
 
-def _by_charts(obj: bpy.types.Object, charts: Charts, step: int) -> bool:
-    """Unwrap by the charts after a number of steps, and again with smaller ones where they fold, overlap or are stretched.
-
-    Returns whether that works.
-    """
-    steps = np.full(len(obj.data.polygons), step)
-    ends = np.empty((len(obj.data.edges), 2), np.int32)
-    obj.data.edges.foreach_get("vertices", ends.reshape(-1))
-    width = len(obj.data.vertices)
-    keys = edge_keys(*ends.T, width)
-    for is_again in (False, *[True] * AGAIN):
-        _by_seams(obj, np.isin(keys, edge_keys(*charts.seams(steps).T, width)))
-        mesh = _read(obj)
-        islands = uv_islands.islands(mesh)
-        folded, stretched = uv_stretch.bad(_points(mesh), mesh.uv[mesh.triangles], islands)
-        folded |= uv_crossings.crossing(mesh, islands)
-        if not (folded | stretched).any():
-            return True
-        # Smaller charts may do. If they still are folded, only the faces where they are become charts of their own.
-        smaller = mesh.faces[np.isin(islands, islands[stretched if is_again else stretched | folded])]
-        steps[smaller] = np.maximum(steps[smaller] - 1, 0)
-        if is_again:
-            steps[mesh.faces[folded]] = 0
-    return not folded.any()
-
-
-def _by_seams(obj: bpy.types.Object, seams: np.ndarray) -> bool:
-    obj.data.edges.foreach_set("use_seam", seams)
-    with editing(obj):
-        bpy.ops.uv.unwrap(method="MINIMUM_STRETCH", fill_holes=False, correct_aspect=False, margin=0.0)
-        bpy.ops.uv.average_islands_scale()
-    return True
-
-
-def _hard(data: bpy.types.Mesh) -> np.ndarray:
-    """The edges that are marked as sharp, as vertices (H, 2)."""
-    ends, is_sharp = np.empty((len(data.edges), 2), np.int32), np.empty(len(data.edges), bool)
+def _edges(data: bpy.types.Mesh, marked: str) -> np.ndarray:
+    """The edges that are marked, as vertices (N, 2)."""
+    ends, chosen = np.empty((len(data.edges), 2), np.int32), np.empty(len(data.edges), bool)
     data.edges.foreach_get("vertices", ends.reshape(-1))
-    data.edges.foreach_get("use_edge_sharp", is_sharp)
-    return ends[is_sharp]
-
-
-def _project(obj: bpy.types.Object) -> bool:
-    obj.data.edges.foreach_set("use_seam", np.zeros(len(obj.data.edges), bool))
-    with editing(obj):
-        bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=0.0, area_weight=0.0, correct_aspect=False)
-    return True
+    data.edges.foreach_get(marked, chosen)
+    return ends[chosen]
 
 
 def _read(obj: bpy.types.Object) -> Mesh:
@@ -256,6 +173,99 @@ def _read(obj: bpy.types.Object) -> Mesh:
 
 def _points(mesh: Mesh) -> np.ndarray:
     return mesh.positions[mesh.vertices[mesh.triangles]]
+
+
+class _Unwrapping:
+    """A mesh, and the ways to unwrap it."""
+
+    def __init__(self, obj: bpy.types.Object, mesh: Mesh, sampling: SamplingSettings):
+        self._obj, self._mesh, self._sampling = obj, mesh, sampling
+        self._seams = _edges(obj.data, "use_seam")
+        wanted = np.concatenate([self._seams, _between_materials(obj.data, mesh)])
+        margin_and_blur = margin(sampling) + 0.25 / min(
+            sampling.size
+        )  # at a border, half of half a texel is another island's
+        options = ChartOptions(margin_and_blur, hard=_edges(obj.data, "use_edge_sharp"), wanted=wanted)
+        self._flattener = Flattener(mesh, obj.data, options)
+
+    def ways(self, *, is_quick: bool) -> Task[list[Unwrapped]]:
+        """The ways to unwrap, as they share a map best, not packed."""
+        if is_quick:
+            return (yield from self._by_charts(QUICK, (1.0,)))
+        ways = yield from part(self._by_charts(STEPS, PRICES), 0.0, 0.7)
+        yield Progress("Unwrapping", 0.7)
+        others = [("Smart Project", self._smart(), None)]
+        if len(self._seams):
+            others.append(("the mesh's seams", self._flattener.charts.between(self._seams), self._seams))
+        for done, (name, labels, seams) in enumerate(others):
+            flattened = yield from part(self._flattener.sound(labels, seams), 0.7 + 0.15 * done, 0.85 + 0.15 * done)
+            ways.append(Unwrapped(name, flattened))
+        return ways
+
+    def _by_charts(self, steps: tuple[float, ...], prices: tuple[float, ...]) -> Task[list[Unwrapped]]:
+        """Charts as large as it pays, for prices of borders."""
+        charts = self._flattener.charts
+        labels = charts.grown(charts.flat(), steps[0])
+        labels = charts.whole(charts.straightened(labels, steps[0]))
+        levels = [(yield from part(self._flattener.sound(labels), 0.0, 1.0 / len(steps)))]
+        for done, stretch in enumerate(steps[1:], 1):
+            labels = charts.grown(levels[-1].labels, stretch)
+            if labels.max() < levels[-1].labels.max():
+                here, there = done / len(steps), (done + 1) / len(steps)
+                levels.append((yield from part(self._flattener.flattened(labels, known=levels[-1]), here, there)))
+        ways = []
+        for price in prices:
+            costs = [
+                2.0 * each.stretch + price * charts.prices(each.labels, each.nodes[self._mesh.triangles])
+                for each in levels
+            ]
+            level, labels = uv_charts.best_parts([each.labels for each in levels], costs)
+            ways.append(Unwrapped("charts", self._flattener.joined(levels, level, labels)))
+        return ways
+
+    def _smart(self) -> np.ndarray:
+        """The islands of Smart Project, as labels."""
+        with editing(self._obj):
+            bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=0.0, area_weight=0.0, correct_aspect=False)
+        mesh = _read(self._obj)
+        labels = np.zeros(self._flattener.charts.count, np.int64)
+        labels[mesh.faces] = uv_islands.islands(mesh)
+        return self._flattener.charts.whole(labels)
+
+    def relaxed(self, way: Unwrapped) -> Task[Unwrapped]:
+        """With less stretch."""
+        return replace(way, flattened=(yield from self._flattener.relaxed(way.flattened)))
+
+    def packed(self, way: Unwrapped, *, is_quick: bool = False) -> Packed:
+        """Pack a way's islands."""
+        triangles, flattened = self._mesh.triangles, way.flattened
+        islands = flattened.labels[self._mesh.faces]
+        uv = uv_packing.pack(flattened.uv, triangles, PackOptions(margin(self._sampling), islands, is_quick))
+        if uv is None:
+            uv = self._boxed(flattened.uv)
+        uv = uv.astype(np.float32)
+        corners = self._mesh.vertices[triangles]
+        return Packed(
+            way, uv, uv_stretch.measure(_points(self._mesh), uv[triangles], min(self._sampling.size), corners)
+        )
+
+    def _boxed(self, uv: np.ndarray) -> np.ndarray:
+        """The UVs packed by boxes."""
+        layer = self._obj.data.uv_layers.active
+        layer.uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).reshape(-1))
+        with editing(self._obj):
+            pack_boxes(margin(self._sampling))
+        result = np.empty((len(uv), 2), np.float32)
+        self._obj.data.uv_layers.active.uv.foreach_get("vector", result.reshape(-1))
+        return result
+
+
+def _between_materials(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
+    """The edges between materials, as vertices (N, 2)."""
+    table = EdgeTable.of(mesh.vertices[mesh.triangles])
+    one, other = table.pairs
+    of = foreach.read(data.polygons, "material_index")[mesh.faces]
+    return table.ends[table.counts == 2][of[one // 3] != of[other // 3]]
 
 
 def pack_boxes(margin: float) -> None:
@@ -279,23 +289,3 @@ def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
         data.transform(low.matrix_world.to_3x3().to_4x4())
         data.uv_layers.active = data.uv_layers.new(name=NAME)
         yield temporary.add_object(scene, data)
-
-
-@contextmanager
-def editing(obj: bpy.types.Object) -> Iterator[None]:
-    """Edit Mode, with everything selected, for the operators of the UV editor."""
-    (scene,) = obj.users_scene
-    scene.tool_settings.use_uv_select_sync = True  # so that the selection of faces counts
-    layer = scene.view_layers[0]
-    with bpy.context.temp_override(
-        scene=scene, view_layer=layer, active_object=obj, object=obj, selected_objects=[obj]
-    ):
-        layer.objects.active = obj
-        bpy.ops.object.mode_set(mode="EDIT")
-        try:
-            with bpy.context.temp_override(edit_object=obj, objects_in_mode_unique_data=[obj]):
-                bpy.ops.mesh.reveal(select=True)
-                bpy.ops.mesh.select_all(action="SELECT")
-                yield
-        finally:
-            bpy.ops.object.mode_set(mode="OBJECT")

@@ -1,27 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Divides a surface into charts for a UV map: pieces that lie flat with little stretch and have short borders.
 
-Source: Garland, Willmott and Heckbert, "Hierarchical face clustering on polygonal surfaces", 2001, join neighbors from single
-faces on, the cheapest first; Sander, Snyder, Gortler and Hoppe, "Texture mapping progressive meshes", 2001, do so with a price
-on borders and make them straight. Here, gains are areas of the map, and each chart stays a disk.
+Neighbors that gain the most are joined, all pairs at once that are one another's best, until nothing gains: rounds as by
+Boruvka, "O jistem problemu minimalnim", 1926. Joining spares the map margins and split vertices, and costs stretch; all
+are areas of the surface, so that they compare.
+
+Sources: Garland, Willmott and Heckbert, "Hierarchical face clustering on polygonal surfaces", 2001, for charts that are joined;
+Julius, Kraevoy and Sheffer, "D-Charts: quasi-developable mesh segmentation", 2005, for normals on a circle, which cost nothing;
+Erickson and Whittlesey, "Greedy optimal homotopy and homology generators", 2005, for slits.
 """
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
 
+from . import topology
 from .topology import EdgeTable, edge_keys, numbered, sums_of
 from .triangles import checked, face_normals
 
-FLATTEST = 0.4
-"""The least length of the mean of a chart's normals: a half sphere has 0.5, half a cylinder without its ends 0.64."""
-SWEEPS = 8
+FULL = 0.75
+"""About the share of the map that packed charts use: from it follows how long margins are on the surface."""
+CAP = 1.0 / (48.0 * np.pi**2)
+"""Of a round cap with the angle t from its middle to its rim, texels at equal blur need t**4 / 48 more of the map. Its
+curvature is pi * t**2, and t**4 / 48 the least variance of its normals along an axis."""
+SPIKE = 0.5
+"""A vertex with more curvature, in radians, is the end of a slit, instead of in a chart: the tip of a cone."""
+SWEEPS = 12
 """How often borders are made shorter, at most."""
-TINY = 1e-30
-"""A chart whose normals cancel out bends without limit, nearly."""
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +35,23 @@ class ChartOptions:
 
     Attributes:
         margin: around charts, as a share of the map's side: what borders cost.
-        stretch: how much stretch counts, against borders: 100 for tiny charts, 1 for small ones, 0.1 for large ones.
+        stretch: how much stretch counts, against borders: 100 for tiny charts, 1 for what it costs, 0.1 for large charts.
         faces: (T,) int from 0, the face of each triangle, which stays whole; None for each by itself.
         hard: (H, 2) int, the vertices of edges that must be seams, as those where normals break; None for none.
+        wanted: (W, 2) int, the vertices of edges where a seam costs less, as those between materials; None for none.
     """
 
     margin: float = 1.0 / 256.0
     stretch: float = 1.0
     faces: np.ndarray | None = None
     hard: np.ndarray | None = None
+    wanted: np.ndarray | None = None
 
 
 def chart(
     points: np.ndarray, triangles: np.ndarray, options: ChartOptions = ChartOptions()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Divide a surface into charts that are disks.
+    """Divide a surface into charts that are disks, or flat.
 
     >>> labels, seams = chart(points, triangles, ChartOptions(stretch=0.1))
     >>> bool(labels.max() < 10)
@@ -59,263 +66,454 @@ def chart(
         The chart (T,) int from 0 of each triangle, and the edges to cut (S, 2) int, as vertices: also slits inside a chart.
     """
     points, triangles = checked(points, triangles)
-    faces = np.arange(len(triangles)) if options.faces is None else np.asarray(options.faces)
-    charts = Charts(points, triangles, faces, options.margin, options.hard)
-    charts.grow(options.stretch)
-    count = int(faces.max(initial=-1)) + 1
-    return numbered(charts.of_faces())[1][faces], charts.seams(np.full(count, charts.steps))
+    if not len(triangles):
+        return np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+    charts = Charts(points, triangles, options)
+    labels = charts.straightened(charts.grown(charts.flat(), options.stretch), options.stretch)
+    return labels[charts.faces], charts.seams(labels)
 
 
 class Charts:
-    """Charts that grow: the two neighbors that gain the most are joined, from single faces on.
+    """The faces of a surface, and what it costs and gains to join them. Charts are labels (F,) int from 0 of the faces.
 
-    Joining spares the map the margins along a border, and costs stretch. Both are areas of the surface, so that they compare.
-    Each chart is a disk once it is cut along its seams, some of which are slits inside it.
-
-    edges (E, 2) int: their vertices, the lower one first.
+    Attributes:
+        faces: (T,) int, the face of each triangle.
+        count: Of faces.
+        areas: (F,) float64.
+        normals: (F, 3) float64, of faces, as long as their areas.
+        centers: (F, 3) float64.
+        side_lengths: (3 * T,) float64, of the sides of triangles.
     """
 
-    def __init__(
-        self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, margin: float, hard: np.ndarray | None = None
-    ):
-        """Begin with each face by itself.
+    BENT, FOLD = 3.0, 40.0
+    """In degrees: charts that bend less are flat; borders along edges that are bent by more cost less."""
+    CHEAP = {"wanted": 0.3, "fold": 0.8, "concave": 0.6}
+    """What a border costs there, as a share of others: texels differ along it anyway, or nobody sees it."""
+
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, options: ChartOptions):
+        """triangles: (T, 3) int, with shared vertices."""
+        points = points.astype(np.float64)
+        self.faces = np.arange(len(triangles)) if options.faces is None else np.asarray(options.faces)
+        self.count = int(self.faces.max(initial=-1)) + 1
+        long = 0.5 * face_normals(points, triangles)
+        areas = np.linalg.norm(long, axis=1)
+        total = float(areas.sum())
+        self.normals = sums_of(self.faces, long, self.count)
+        self.areas = np.bincount(self.faces, areas, self.count)
+        unit = long / np.where(areas > 0.0, areas, 1.0)[:, None]
+        pairs = np.stack([long[:, i] * unit[:, j] for i in range(3) for j in range(i, 3)], axis=1)
+        self._sums = np.column_stack([self.areas, self.normals, sums_of(self.faces, pairs, self.count)])
+        self._margin = 2.0 * options.margin * np.sqrt(total / FULL)
+        self._split = 0.1 * total / max(1, len(numbered(triangles.reshape(-1))[0]))
+        corners = points[triangles]
+        self.centers = sums_of(self.faces, corners.mean(axis=1) * (areas + 1e-300)[:, None], self.count)
+        self.centers /= np.maximum(np.bincount(self.faces, areas + 1e-300, self.count), 1e-300)[:, None]
+        self.side_lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).reshape(-1)
+        self._read_edges(points, triangles, options)
+        self._read_vertices(points, triangles)
+
+    def _read_edges(self, points: np.ndarray, triangles: np.ndarray, options: ChartOptions) -> None:
+        table = EdgeTable.of(triangles, len(points))
+        first, second = table.sides[table.begins], table.sides[np.minimum(table.begins + 1, len(table.sides) - 1)]
+        sides = np.stack([self.faces[first // 3], self.faces[second // 3]], axis=1)
+        # Faces on both sides of an edge run along it in opposite directions, unless one of them shows its back.
+        joins = (table.counts == 2) & (table.first[first] == table.last[second])
+        joins &= table.first[first] != table.last[first]
+        inner = joins & (sides[:, 0] == sides[:, 1])
+        joins &= ~inner & ~_among(table.keys, options.hard, len(points))
+        lengths = np.linalg.norm(points[table.ends[:, 0]] - points[table.ends[:, 1]], axis=1)
+        # How faces bend at an edge: positive where the surface is hollow.
+        apex = points[np.roll(triangles, -2, axis=1).reshape(-1)[second]] - points[table.first[first]]
+        unit = self.normals / np.where(self.areas > 0.0, self.areas, 1.0)[:, None]
+        one, other = unit[sides[:, 0]], unit[sides[:, 1]]
+        bends = (one * other).sum(axis=1) < np.cos(np.radians(self.FOLD))
+        weights = np.where(bends, self.CHEAP["fold"], 1.0)
+        weights[bends & ((apex * one).sum(axis=1) > 0.0)] = self.CHEAP["concave"]
+        weights[_among(table.keys, options.wanted, len(points))] = self.CHEAP["wanted"]
+        self._others = table.ends[~joins & ~inner]  # edges that are always borders
+        self._ends, self._sides = table.ends[joins], sides[joins]
+        starts = np.stack([first[joins], second[joins]])
+        self._joints = np.stack(
+            [starts, (starts - starts % 3 + (starts + 1) % 3)[::-1]], axis=0
+        )  # corners that are one
+        self._lengths = lengths[joins]
+        self._prices = self._margin * (lengths * weights)[joins] + self._split
+        self._spread = bends[joins]
+
+    def _read_vertices(self, points: np.ndarray, triangles: np.ndarray) -> None:
+        """The curvature of vertices, by the angles around them, and which faces are there."""
+        corners = points[triangles]
+        ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+        cross = np.linalg.norm(np.cross(ahead, behind), axis=2)
+        angles = np.arctan2(cross, (ahead * behind).sum(axis=2))
+        self._curvature = 2.0 * np.pi - np.bincount(triangles.reshape(-1), angles.reshape(-1), len(points))
+        self._is_inside = np.zeros(len(points), bool)  # whether it can be inside a chart
+        self._is_inside[self._ends] = True
+        self._is_inside[self._others] = False
+        self._is_spike = np.abs(self._curvature) > SPIKE
+        keys = np.unique(triangles.reshape(-1).astype(np.int64) * max(1, self.count) + np.repeat(self.faces, 3))
+        vertex, face = np.divmod(keys, max(1, self.count))
+        some = self._is_inside[vertex]
+        self._vertex, self._at = vertex[some], face[some]
+
+    def flat(self) -> np.ndarray:
+        """Labels of faces joined where they lie in one plane, also around holes."""
+        unit = self.normals / np.where(self.areas > 0.0, self.areas, 1.0)[:, None]
+        one, other = self._sides.T
+        near = np.linalg.norm(np.cross(unit[one], unit[other]), axis=1) < 1e-3
+        near &= ((unit[one] * unit[other]).sum(axis=1) > 0.0) & (self._prices >= self._margin * self._lengths)
+        labels = topology.connected(self.count, one[near], other[near])
+        labels = numbered(labels)[1]
+        # Where many small bends add up, faces stay by themselves.
+        bent = ~self.is_flat(labels)[labels]
+        labels = np.where(bent, self.count + np.arange(self.count), labels)
+        return numbered(labels)[1]
+
+    def is_flat(self, labels: np.ndarray) -> np.ndarray:
+        """Which charts (N,) bool lie in a plane, nearly."""
+        normals = self.mean_normals(labels)
+        along = (self.normals * normals[labels]).sum(axis=1)
+        worst = np.ones(len(normals))
+        np.minimum.at(worst, labels, along / np.where(self.areas > 0.0, self.areas, 1.0) + (self.areas == 0.0))
+        return worst > np.cos(np.radians(self.BENT))
+
+    def mean_normals(self, labels: np.ndarray) -> np.ndarray:
+        """The unit normal (N, 3) of each chart; 0 if its normals cancel out."""
+        sums = sums_of(labels, self.normals, int(labels.max(initial=-1)) + 1)
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        return sums / np.where(lengths > 0.0, lengths, 1.0)
+
+    def grown(self, labels: np.ndarray, stretch: float) -> np.ndarray:
+        """Labels of charts joined as long as it pays. stretch: how much it counts."""
+        growth = _Growth(self, labels)
+        while growth.join(stretch):
+            pass
+        return numbered(growth.of[labels])[1]
+
+    def straightened(self, labels: np.ndarray, stretch: float) -> np.ndarray:
+        """Labels after faces that one edge alone holds went to the chart beside them, where that makes borders shorter."""
+        labels, count = labels.copy(), int(labels.max(initial=-1)) + 1
+        one, other = self._sides.T
+        face, beyond = np.concatenate([one, other]), np.concatenate([other, one])
+        prices = np.tile(self._prices, 2)
+        for _ in range(SWEEPS):
+            own = labels[face] == labels[beyond]
+            held = np.bincount(face[own], minlength=self.count)
+            price = np.bincount(face[own], prices[own], self.count)
+            some = ~own & (held[face] == 1)
+            keys, which = np.unique(face[some] * count + labels[beyond[some]], return_inverse=True)
+            movers, targets = np.divmod(keys, max(1, count))
+            gains = np.bincount(which.reshape(-1), prices[some], len(keys)) - price[movers]
+            if len(movers):
+                sums = sums_of(labels, self._sums, count)
+                moved = self._sums[movers]
+                olds, news = sums[labels[movers]], sums[targets]
+                gains -= stretch * (_bend(olds - moved) + _bend(news + moved) - _bend(olds) - _bend(news))
+            good = gains > 1e-9 * self._margin
+            movers, targets, gains = movers[good], targets[good], gains[good]
+            if not len(movers):
+                break
+            # Each by itself: of neighbors, the one that gains most.
+            ranks, target = np.full(self.count, -1), np.zeros(self.count, np.int64)
+            order = np.argsort(gains, kind="stable")
+            ranks[movers[order]], target[movers[order]] = np.arange(len(order)), targets[order]
+            highest = np.full(self.count, -1)
+            np.maximum.at(highest, face, ranks[beyond])
+            chosen = np.flatnonzero((ranks >= 0) & (ranks > highest))
+            labels[chosen] = target[chosen]
+        return numbered(labels)[1]
+
+    def whole(self, labels: np.ndarray) -> np.ndarray:
+        """Labels of the connected parts of charts."""
+        one, other = self._sides.T
+        same = labels[one] == labels[other]
+        return numbered(topology.connected(self.count, one[same], other[same]))[1]
+
+    def halved(self, labels: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """Labels after charts, chosen (N,) bool, were divided across where they are longest."""
+        weights = self.areas + 1e-9 * self.areas.mean() + 1e-300
+        count = len(chosen)
+        total = np.bincount(labels, weights, count)
+        away = self.centers - (sums_of(labels, self.centers * weights[:, None], count) / total[:, None])[labels]
+        squares = np.stack([away[:, i] * away[:, j] * weights for i in range(3) for j in range(3)], axis=1)
+        axes = np.linalg.eigh(sums_of(labels, squares, count).reshape(-1, 3, 3))[1][:, :, 2]
+        beyond = chosen[labels] & ((away * axes[labels]).sum(axis=1) > 0.0)
+        return self.whole(numbered(np.where(beyond, count + labels, labels))[1])
+
+    def prices(self, labels: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What borders and split vertices of charts cost (N,), as areas of the surface. nodes: (T, 3) int, UV vertices."""
+        count = int(labels.max(initial=-1)) + 1
+        of = labels[self.faces]
+        border = EdgeTable.of(nodes).alone
+        lengths = np.bincount(of[border // 3], self.side_lengths[border], count)
+        first = np.unique(nodes, return_index=True)[1]
+        return 0.5 * self._margin * lengths + self._split * np.bincount(of[first // 3], minlength=count)
+
+    def between(self, seams: np.ndarray) -> np.ndarray:
+        """Labels of the parts that edges (S, 2) divide."""
+        one, other = self._sides[~self._is_among(seams)].T
+        return numbered(topology.connected(self.count, one, other))[1]
+
+    def seams(self, labels: np.ndarray) -> np.ndarray:
+        """The edges to cut (S, 2) int, as vertices: borders, and slits in charts that are neither disks nor flat."""
+        return np.concatenate([self._others, self._ends[self._cut(labels)]])
+
+    def nodes(self, labels: np.ndarray, corners: np.ndarray, seams: np.ndarray | None = None) -> np.ndarray:
+        """The UV vertex of each corner (C,) int: those that are one along edges that are not cut.
 
         Args:
-            points: (V, 3).
-            corners: (T, 3) int, the vertices of triangles.
-            faces: (T,) int from 0, the face of each triangle.
-            margin: around charts, as a share of the map's side.
-            hard: (H, 2) int, the vertices of edges that must be seams: those where normals break.
+            labels: (F,) int.
+            corners: (T, 3) int, the corners of triangles, which share them inside faces.
+            seams: (S, 2) int, edges that are cut as well; None for none.
         """
-        count = int(faces.max(initial=-1)) + 1
-        points = points.astype(np.float64)
-        normals = 0.5 * face_normals(points, corners)
-        areas = np.linalg.norm(normals, axis=1)
-        sums = sums_of(faces, normals, count)
-        self._border = 2.0 * margin * float(areas.sum()) ** 0.5
-        # Of each chart; those that were joined stay in the lists, without neighbors.
-        self._is_left: list[bool] = [True] * count
-        self._areas: list[float] = np.bincount(faces, areas, count).tolist()
-        self._normals: list[Vector] = [(x, y, z) for x, y, z in sums.tolist()]
-        self._neighbors: list[dict[int, list[int]]] = [{} for _ in range(count)]
-        self._parents: list[int] = list(range(count))
-        self._of_faces = self._areas.copy(), self._normals.copy()
-        self._read_edges(points, corners, faces, np.zeros((0, 2), int) if hard is None else hard)
+        first, last = (side[:, ~self._cut(labels, seams)].reshape(-1) for side in self._joints)
+        flat = corners.reshape(-1)
+        return topology.connected(int(flat.max(initial=-1)) + 1, flat[first], flat[last])
 
-    def _read_edges(self, points: np.ndarray, corners: np.ndarray, faces: np.ndarray, hard: np.ndarray) -> None:
-        edges = EdgeTable.of(corners, len(points))
-        self.edges = edges.ends
-        first, second = edges.sides[edges.begins], edges.sides[np.minimum(edges.begins + 1, len(edges.sides) - 1)]
-        sides = np.stack([faces[first // 3], faces[second // 3]], axis=1)
-        # Faces on both sides of an edge run along it in opposite directions, unless one of them shows its back.
-        joins = (
-            (edges.counts == 2) & (edges.first[first] == edges.last[second]) & (edges.first[first] != edges.last[first])
-        )
-        joins &= ~np.isin(edges.keys, edge_keys(hard[:, 0], hard[:, 1], len(points)))
-        self._seams = [~(joins & (sides[:, 0] == sides[:, 1]))]
-        self._is_seam: list[bool] = self._seams[0].tolist()
-        self._lengths = np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1).tolist()
-        self._ends = self.edges.tolist()
-        self._sides: list[list[int]] = sides.tolist()
-        self._at: list[set[int]] = [set() for _ in range(len(points))]  # the seams at each vertex
-        self._around: list[list[int]] = [[] for _ in range(len(self._areas))]  # the edges around each face
-        self._slits: set[int] = set()
-        for edge, joined in zip(np.flatnonzero(self._seams[0]).tolist(), joins[self._seams[0]].tolist(), strict=True):
-            for vertex in self._ends[edge]:
-                self._at[vertex].add(edge)
-            one, other = self._sides[edge]
-            if joined:
-                self._neighbors[one].setdefault(other, []).append(edge)
-                self._neighbors[other].setdefault(one, []).append(edge)
-                self._around[one].append(edge)
-                self._around[other].append(edge)
-            else:  # nothing joins it
-                self._sides[edge] = [-1, -1]
-        for edge, one in zip(edges.numbers.tolist(), np.repeat(faces, 3).tolist(), strict=True):
-            if self._sides[edge][0] < 0:
-                self._around[one].append(edge)
+    def _cut(self, labels: np.ndarray, seams: np.ndarray | None = None) -> np.ndarray:
+        inner = labels[self._sides[:, 0]] == labels[self._sides[:, 1]]
+        inner &= ~self._is_among(seams)
+        cut = ~inner
+        cut[inner] = self._slits(labels, inner)
+        return cut
 
-    @property
-    def steps(self) -> int:
-        """How many times the charts have grown."""
-        return len(self._seams) - 1
+    def _is_among(self, edges: np.ndarray | None) -> np.ndarray:
+        width = len(self._curvature)
+        return _among(edge_keys(self._ends[:, 0], self._ends[:, 1], width), edges, width)
 
-    @property
-    def count(self) -> int:
-        """How many charts there are."""
-        return sum(self._is_left)
+    def _slits(self, labels: np.ndarray, inner: np.ndarray) -> np.ndarray:
+        """Which of the inner edges to cut so that charts are disks, and have no spikes inside: the shortest ways to borders."""
+        ends, sides, count = self._ends[inner], self._sides[inner], int(labels.max(initial=-1)) + 1
+        inside = np.zeros(len(self._curvature), bool)
+        inside[ends] = True
+        inside[self._others] = inside[self._ends[~inner]] = False
+        of = np.zeros(len(inside), np.int64)
+        of[ends] = labels[sides[:, :1]]
+        euler = np.bincount(labels, minlength=count) - np.bincount(labels[sides[:, 0]], minlength=count)
+        euler += np.bincount(of[inside], minlength=count)
+        spikes = np.flatnonzero(inside & self._is_spike)
+        needs = euler != 1
+        needs[of[spikes]] = True
+        needs &= ~self.is_flat(labels)
+        some = np.flatnonzero(needs[labels[sides[:, 0]]])
+        result = np.zeros(len(ends), bool)
+        if not len(some):
+            return result
+        ends, sides, lengths = ends[some], sides[some], self._lengths[inner][some]
+        lengths = lengths + 1e-6 * lengths.mean() + 1e-300
+        spikes = spikes[needs[of[spikes]]]
+        roots = ~inside
+        open_ended = np.zeros(count, bool)
+        open_ended[labels[sides[:, 0][roots[ends].any(axis=1)]]] = True
+        closed = numbered(labels[sides[:, 0]][~open_ended[labels[sides[:, 0]]]])[0]
+        starts = np.zeros(count, np.int64)
+        starts[of[ends[:, 0]]] = ends[:, 0]
+        roots[starts[closed]] = True
+        distance, parent = _shortest(ends, lengths, roots)
+        farthest = np.zeros(0, np.int64)
+        if len(closed):
+            far = np.zeros(count)
+            np.maximum.at(far, of[ends[:, 0]], distance[ends[:, 0]])
+            farthest = np.zeros(count, np.int64)
+            at = ends[:, 0][distance[ends[:, 0]] >= far[of[ends[:, 0]]]]
+            farthest[of[at]] = at
+            farthest = farthest[closed]
+        is_tree = np.zeros(len(ends), bool)
+        is_tree[parent[parent >= 0]] = True
+        rest = np.flatnonzero(~is_tree)
+        weights = distance[ends[rest]].sum(axis=1) + lengths[rest]
+        left = rest[~_longest_forest(sides[rest], weights, self.count)]
+        cut = np.zeros(len(ends), bool)
+        cut[left] = True
+        here = np.unique(np.concatenate([ends[left].reshape(-1), spikes, farthest]))
+        while len(here):
+            here = here[parent[here] >= 0]
+            edges = parent[here]
+            cut[edges] = True
+            here = np.unique(ends[edges].sum(axis=1) - here)
+        result[some] = cut
+        return result
 
-    def of_faces(self) -> np.ndarray:
-        """The chart (F,) int of each face."""
-        return np.array([self._chart(face) for face in range(len(self._around))], int)
 
-    def seams(self, steps: np.ndarray) -> np.ndarray:
-        """The edges to cut, (S, 2) int, as vertices. steps (F,) int: after how many steps, for each face; 0 is by itself."""
-        if not len(steps):
-            return self.edges
-        seams, (one, other) = np.stack(self._seams), np.array(self._sides).reshape(-1, 2).T
-        every = np.arange(len(seams[0]))
-        return self.edges[seams[steps[one], every] | seams[steps[other], every]]
+class _Growth:
+    """Charts that grow, as tables of their pairs, which shrink.
 
-    def grow(self, stretch: float) -> None:
-        """Join neighbors as long as it pays, and make borders shorter. stretch: how much it counts, less from step to step."""
-        heap: list[tuple[float, int, int]] = []
-        for one, around in enumerate(self._neighbors):
-            for other in around:
-                if one < other:
-                    self._offer(heap, one, other, stretch)
-        while heap:
-            _, one, other = heapq.heappop(heap)
-            if self._is_left[one] and self._is_left[other]:
-                new = self._join(one, other)
-                for neighbor in self._neighbors[new]:
-                    self._offer(heap, neighbor, new, stretch)
-        for _ in range(SWEEPS):
-            if not sum(self._move(face, stretch) for face in range(len(self._around))):
-                break
-        self._seams.append(np.array(self._is_seam))
+    Attributes:
+        of: (N,) int, of the charts at the start, which chart it is now.
+    """
 
-    def _offer(self, heap: list[tuple[float, int, int]], one: int, other: int, stretch: float) -> None:
-        """Put a pair on the heap if joining it pays."""
-        area, normal = self._areas[one] + self._areas[other], _sum(self._normals[one], self._normals[other])
-        if _length(normal) >= FLATTEST * area:
-            cost = _bend(area, normal) - self._bend(one) - self._bend(other)
-            gain = self._length(self._path(self._neighbors[one][other])) * self._border - stretch * cost
-            if gain > 0.0:
-                heapq.heappush(heap, (-gain, one, other))
+    def __init__(self, charts: Charts, labels: np.ndarray):
+        self.charts, count = charts, int(labels.max(initial=-1)) + 1
+        self.of = np.arange(count)
+        self._sums = sums_of(labels, charts._sums, count)
+        self._pairs = labels[charts._sides]
+        self._prices = charts._prices
+        self._round = 0
+        outside = np.unique(charts._others)
+        # Without a border, a chart is closed: the first vertex of one stays outside.
+        self._rims = np.zeros(count)
+        rim = np.zeros(len(charts._curvature), bool)
+        rim[outside] = True
+        touched = rim[charts._ends].any(axis=1)
+        self._rims += np.bincount(self._pairs[touched].reshape(-1), minlength=count)
+        self._inner = np.zeros(count)  # curvature inside
+        self._vertex, self._at = charts._vertex, labels[charts._at]
+        self._settle()
 
-    def _bend(self, chart: int) -> float:
-        return _bend(self._areas[chart], self._normals[chart])
+    def _settle(self) -> None:
+        """Drop what lies inside charts, and add up what pairs share."""
+        count = len(self._sums)
+        low, high = self._pairs.min(axis=1), self._pairs.max(axis=1)
+        apart = low != high
+        keys, which = np.unique(low[apart] * count + high[apart], return_inverse=True)
+        self._prices = np.bincount(which.reshape(-1), self._prices[apart], len(keys))
+        self._pairs = np.stack(np.divmod(keys, max(1, count)), axis=1)
+        self._keys = keys
+        # Vertices between one chart and another, and those inside one.
+        keys = np.unique(self._vertex * count + self._at)
+        vertex, at = np.divmod(keys, max(1, count))
+        starts = np.flatnonzero(np.diff(vertex, prepend=-1))
+        sizes = np.diff(starts, append=len(vertex))
+        alone = starts[sizes == 1]
+        curvature = np.where(self.charts._is_spike, 0.0, self.charts._curvature)
+        self._inner += np.bincount(at[alone], curvature[vertex[alone]], count)
+        two = starts[sizes == 2]
+        index = np.searchsorted(self._keys, at[two] * count + at[np.minimum(two + 1, len(at) - 1)])
+        found = index < len(self._keys)
+        found[found] &= self._keys[index[found]] == (at[two] * count + at[np.minimum(two + 1, len(at) - 1)])[found]
+        index, two = index[found], two[found]
+        self._between = np.bincount(index, curvature[vertex[two]], len(self._keys))
+        self._spikes = np.bincount(index, self.charts._is_spike[vertex[two]], len(self._keys))
+        many = np.repeat(sizes > 1, sizes)
+        self._vertex, self._at = vertex[many], at[many]
 
-    def _length(self, edges: list[int]) -> float:
-        return sum([self._lengths[edge] for edge in edges])
-
-    def _path(self, edges: list[int]) -> list[int]:
-        """The longest path of edges whose ends alone touch other seams: joined along it, two disks are a disk."""
-        if len(edges) == 1:
-            return edges
-        left, best, most = set(edges), [], -1.0
-        while left:
-            edge = left.pop()
-            path = [edge]
-            for end in self._ends[edge]:
-                vertex, last = end, edge
-                while len(self._at[vertex]) == 2:
-                    (following,) = self._at[vertex] - {last}
-                    if following not in left:
-                        break
-                    left.discard(following)
-                    path.append(following)
-                    vertex, last = self._other_end(following, vertex), following
-            length = self._length(path)
-            if length > most:
-                best, most = path, length
-        return best
-
-    def _other_end(self, edge: int, vertex: int) -> int:
-        a, b = self._ends[edge]
-        return b if a == vertex else a
-
-    def _join(self, one: int, other: int) -> int:
-        """Join two neighbors. Returns the new chart."""
-        new = len(self._neighbors)
-        shared = self._neighbors[one][other]
-        path = self._path(shared)
-        self._slits.update(shared)
-        for edge in path:
-            self._heal(edge)
-        for vertex in {vertex for edge in path for vertex in self._ends[edge]}:
-            self._close(vertex)
-        self._areas.append(self._areas[one] + self._areas[other])
-        self._normals.append(_sum(self._normals[one], self._normals[other]))
-        self._parents.append(new)
-        few, many = sorted((self._neighbors[one], self._neighbors[other]), key=len)
-        for neighbor, edges in few.items():
-            many[neighbor] = many.get(neighbor, []) + edges
-        for chart in (one, other):
-            many.pop(chart, None)
-            self._neighbors[chart], self._is_left[chart] = {}, False
-            self._parents[chart] = new
-        self._neighbors.append(many)
-        self._is_left.append(True)
-        for neighbor, edges in many.items():
-            around = self._neighbors[neighbor]
-            around.pop(one, None)
-            around.pop(other, None)
-            around[new] = edges
-        return new
-
-    def _heal(self, edge: int) -> None:
-        self._is_seam[edge] = False
-        self._slits.discard(edge)
-        for vertex in self._ends[edge]:
-            self._at[vertex].discard(edge)
-
-    def _close(self, vertex: int) -> None:
-        """Close a slit from an end that nothing holds open any more."""
-        while len(self._at[vertex]) == 1:
-            (edge,) = self._at[vertex]
-            if edge not in self._slits:
-                break
-            self._heal(edge)
-            vertex = self._other_end(edge, vertex)
-
-    def _move(self, face: int, stretch: float) -> bool:
-        """Move a face to another chart if only one edge holds it, and that pays: borders that zigzag become straight."""
-        held = [edge for edge in self._around[face] if not self._is_seam[edge]]
-        if len(held) != 1 or len(self._around[face]) < 3:
+    def join(self, stretch: float) -> bool:
+        """Join the pairs that gain most for both. Returns whether there are any."""
+        one, other = self._pairs.T
+        if not len(one):
             return False
-        seams = [edge for edge in self._around[face] if self._is_seam[edge]]
-        others = {self._across(edge, face) for edge in seams}
-        old, (new,) = self._chart(face), others if len(others) == 1 else (-1,)
-        if new in {old, -1}:
+        sums = self._sums[one] + self._sums[other]
+        inner = self._inner[one] + self._inner[other] + self._between
+        costs = self._cost(sums, inner)
+        costs -= self._cost(self._sums[one], self._inner[one]) + self._cost(self._sums[other], self._inner[other])
+        gains = self._prices / (1.0 + self._spikes) - stretch * costs
+        degree = np.bincount(self._pairs.reshape(-1), minlength=len(self._sums))
+        gains[(degree[one] == 1) & (degree[other] == 1) & (self._rims[one] + self._rims[other] == 0.0)] = 0.0
+        good = np.flatnonzero(gains > 0.0)
+        if not len(good):
             return False
-        ends = set(self._ends[held[0]])
-        if any(len(self._at[vertex]) != 2 for edge in seams for vertex in self._ends[edge] if vertex not in ends):
-            return False  # the face is not all that parts the other chart from itself
-        areas, normals = self._of_faces
-        smaller = self._areas[old] - areas[face], _difference(self._normals[old], normals[face])
-        larger = self._areas[new] + areas[face], _sum(self._normals[new], normals[face])
-        cost = _bend(*smaller) + _bend(*larger) - self._bend(old) - self._bend(new)
-        if (self._length(seams) - self._length(held)) * self._border - stretch * cost <= 0.0:
-            return False
-        (self._areas[old], self._normals[old]), (self._areas[new], self._normals[new]) = smaller, larger
-        for edge in seams:
-            self._heal(edge)
-        self._is_seam[held[0]] = True
-        for vertex in ends:
-            self._at[vertex].add(held[0])
-        edges = [edge for edge in self._neighbors[old][new] if edge not in seams] + held
-        self._neighbors[old][new] = self._neighbors[new][old] = edges
-        self._parents[face] = new
+        # Small ones first, so that all grow alike.
+        scores = gains[good] / np.sqrt(sums[good, 0] + 1e-300)
+        self._round += 1
+        noise = (good * 7919 + self._round * 104729) % 1000003
+        ranks = np.empty(len(good), np.int64)
+        ranks[np.lexsort([noise, np.round(np.log(scores + 1e-300), 3)])] = np.arange(len(good))
+        best = np.full(len(self._sums), -1)
+        np.maximum.at(best, one[good], ranks)
+        np.maximum.at(best, other[good], ranks)
+        chosen = good[(best[one[good]] == ranks) & (best[other[good]] == ranks)]
+        new = np.arange(len(self._sums))
+        new[other[chosen]] = one[chosen]
+        kept, new = numbered(new)
+        self.of = new[self.of]
+        inner_of = self._inner.copy()
+        self._sums = sums_of(new, self._sums, len(kept))
+        self._inner = np.bincount(new, inner_of, len(kept))
+        self._rims = np.bincount(new, self._rims, len(kept))
+        self._pairs, self._at = new[self._pairs], new[self._at]
+        self._settle()
         return True
 
-    def _across(self, edge: int, face: int) -> int:
-        """The chart on the other side of an edge of a face, or -1."""
-        one, other = self._sides[edge]
-        return -1 if one < 0 else self._chart(other if one == face else one)
-
-    def _chart(self, piece: int) -> int:
-        """The chart that a face, or a former chart, is a part of."""
-        while self._parents[piece] != piece:
-            self._parents[piece] = self._parents[self._parents[piece]]
-            piece = self._parents[piece]
-        return piece
+    def _cost(self, sums: np.ndarray, inner: np.ndarray) -> np.ndarray:
+        return np.maximum(_bend(sums), sums[:, 0] * CAP * inner**2)
 
 
-def _sum(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+def best_parts(levels: list[np.ndarray], costs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The charts that cost least together: each chart of the last level, or parts of it from earlier ones.
+
+    Args:
+        levels: labels (F,) int from 0; each chart is a part of one of the next level.
+        costs: of the charts of each level.
+
+    Returns:
+        The level (F,) int from which each face's chart is, and the new labels (F,).
+    """
+    best, uses = costs[0], np.zeros(len(levels[0]), np.int64)
+    labels = levels[0]
+    for number in range(1, len(levels)):
+        before, labels = labels, levels[number]
+        first = np.unique(before, return_index=True)[1]
+        parts = np.bincount(labels[first], best, len(costs[number]))
+        whole = costs[number] <= parts
+        best = np.where(whole, costs[number], parts)
+        uses = np.where(whole[labels], number, uses)
+    keys = uses * (max(int(each.max(initial=-1)) for each in levels) + 1) + np.stack(levels)[uses, np.arange(len(uses))]
+    return uses, np.unique(keys, return_inverse=True)[1].reshape(-1)
 
 
-def _difference(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+def _bend(sums: np.ndarray) -> np.ndarray:
+    """About the area that stretch costs (N,), from the sums of areas, normals and their products (N, 10): the least variance of
+    normals along an axis. None in a plane, on a cylinder, on a cone."""
+    area = np.maximum(sums[:, 0], 1e-300)
+    x, y, z = sums[:, 1:4].T / area
+    xx, xy, xz, yy, yz, zz = sums[:, 4:].T / area
+    return area * _least_eigenvalue((xx - x * x, yy - y * y, zz - z * z), (xy - x * y, xz - x * z, yz - y * z))
 
 
-def _length(a: Vector) -> float:
-    return (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) ** 0.5
+def _least_eigenvalue(diagonal: tuple[np.ndarray, ...], beside: tuple[np.ndarray, ...]) -> np.ndarray:
+    """That of symmetric matrices, not below 0. beside: what is at (0, 1), (0, 2), (1, 2).
+
+    Source: Smith, "Eigenvalues of a symmetric 3 x 3 matrix", 1961.
+    """
+    mean = sum(diagonal) / 3.0
+    a, b, c = (each - mean for each in diagonal)
+    d, e, f = beside
+    spread = np.sqrt((a * a + b * b + c * c + 2.0 * (d * d + e * e + f * f)) / 6.0)
+    safe = np.where(spread > 0.0, spread, 1.0)
+    half = 0.5 * (a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)) / safe**3
+    angle = np.arccos(np.clip(half, -1.0, 1.0)) / 3.0
+    return np.maximum(mean + 2.0 * spread * np.cos(angle + 2.0 * np.pi / 3.0), 0.0)
 
 
-def _bend(area: float, normal: Vector) -> float:
-    """About the area that stretch costs, from the sum of a chart's normals: none where flat, all of it on a half sphere."""
-    flat = _length(normal)
-    return area * (max(0.0, area - flat) / max(flat, TINY)) ** 2
+def _among(keys: np.ndarray, edges: np.ndarray | None, width: int) -> np.ndarray:
+    """Which of `keys` are those of edges (N, 2)."""
+    if edges is None or not len(edges):
+        return np.zeros(len(keys), bool)
+    return np.isin(keys, edge_keys(edges[:, 0], edges[:, 1], width))
+
+
+def _shortest(ends: np.ndarray, lengths: np.ndarray, roots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distance (V,) of vertices from the nearest root along edges, and the edge (V,) int that leads there, -1 at roots."""
+    start, stop, length = ends.T.reshape(-1), ends[:, ::-1].T.reshape(-1), np.tile(lengths, 2)
+    distance = np.where(roots, 0.0, np.inf)
+    while True:
+        before = distance.copy()
+        np.minimum.at(distance, stop, distance[start] + length)
+        if np.array_equal(before, distance):
+            break
+    parent = np.full(len(roots), -1)
+    with np.errstate(invalid="ignore"):
+        leads = np.flatnonzero((distance[start] + length == distance[stop]) & (distance[start] < distance[stop]))
+    parent[stop[leads]] = leads % len(ends)
+    parent[roots] = -1
+    return distance, parent
+
+
+def _longest_forest(pairs: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """Which edges (E,) bool of nodes (E, 2) are in the spanning forest with the largest weights."""
+    ranks = np.empty(len(weights), np.int64)
+    ranks[np.argsort(weights, kind="stable")] = np.arange(len(weights))
+    chosen, roots = np.zeros(len(pairs), bool), np.arange(count)
+    left = np.arange(len(pairs))
+    while True:
+        one, other = roots[pairs[left]].T
+        apart = one != other
+        left, one, other = left[apart], one[apart], other[apart]
+        if not len(left):
+            return chosen
+        best = np.full(count, -1)
+        np.maximum.at(best, one, ranks[left])
+        np.maximum.at(best, other, ranks[left])
+        new = (best[one] == ranks[left]) | (best[other] == ranks[left])
+        chosen[left[new]] = True
+        roots = topology.connected(count, one[new], other[new])[roots]

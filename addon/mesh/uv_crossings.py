@@ -4,50 +4,79 @@
 import numpy as np
 
 from . import topology
-from .topology import EdgeTable, hashes
-from .triangle_mesh import Mesh
+from .topology import EdgeTable
 
+CELLS = 2**20
+"""Cells a side of an island, at most, in which the sides of its border are sorted."""
 PAIRS_AT_ONCE = 2**20
-"""Pairs of borders' sides that are looked at together."""
+"""Pairs of sides that are looked at together."""
 
 
-def crossing(mesh: Mesh, islands: np.ndarray) -> np.ndarray:
+def crossing(uv: np.ndarray, nodes: np.ndarray, islands: np.ndarray) -> np.ndarray:
     """Which triangles (T,) bool have a side where the border of their island crosses itself.
 
-    Without any, and without folds, an island does not overlap itself if it is a disk.
+    Without any, and without folds, an island does not overlap itself if it is a disk, or flat on the surface.
 
-    islands: (T,) int from 0, the island of each triangle.
+    Args:
+        uv: (T, 3, 2) float.
+        nodes: (T, 3) int, the UV vertices: triangles of an island that share two are neighbors.
+        islands: (T,) int from 0, the island of each triangle.
     """
     result = np.zeros(len(islands), bool)
-    corners = mesh.triangles.reshape(-1)
-    uv = mesh.uv[corners]
-    keys = np.stack([hashes(uv), mesh.vertices[corners].astype(np.uint64)], axis=1)
-    nodes = topology.first_rows(keys).reshape(-1, 3)
     border = EdgeTable.of(nodes).alone
-    border = border[np.argsort(islands[border // 3], kind="stable")]
+    if not len(border):
+        return result
     stop = border - border % 3 + (border + 1) % 3
-    points = np.stack([uv[border], uv[stop]], axis=1).astype(np.float64)
+    points = uv.reshape(-1, 2).astype(np.float64)[np.stack([border, stop], axis=1)]
     ids = nodes.reshape(-1)[np.stack([border, stop], axis=1)]
-    cuts = np.flatnonzero(np.diff(islands[border // 3], prepend=-1, append=-1)).tolist()
-    for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-        rows = max(1, PAIRS_AT_ONCE // (b - a))
-        for k in range(a, b, rows):
-            block = slice(k, min(k + rows, b))
-            result[border[block][_cross(points[block], ids[block], points[a:b], ids[a:b])] // 3] = True
+    keys, sides = _cells(points, islands[border // 3])
+    # Sides in one cell, each with the one that is so many places behind it.
+    order = np.argsort(keys, kind="stable")
+    keys, sides = keys[order], sides[order]
+    ends = np.searchsorted(keys, keys, side="right")
+    behind = ends - np.arange(len(keys)) - 1
+    begins = np.concatenate(
+        [[0], np.searchsorted(np.cumsum(behind), range(PAIRS_AT_ONCE, int(behind.sum()), PAIRS_AT_ONCE))]
+    )
+    for first, last in zip(begins, [*begins[1:], len(keys)], strict=True):
+        one = np.repeat(np.arange(first, last), behind[first:last])
+        other = topology.ranges(np.arange(first, last) + 1, behind[first:last])
+        one, other = sides[one], sides[other]
+        found = _cross(points[one], ids[one], points[other], ids[other])
+        result[border[one[found]] // 3] = result[border[other[found]] // 3] = True
     return result
 
 
+def _cells(points: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Keys (K,) int64 of the cells that sides (N, 2, 2) touch, and the side (K,) int. Cells are about as long as sides."""
+    count = int(islands.max()) + 1
+    lengths = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    mean = np.bincount(islands, lengths, count) / np.maximum(np.bincount(islands, minlength=count), 1)
+    least = np.full((count, 2), np.inf)
+    np.minimum.at(least, islands, points.min(axis=1))
+    extent = np.zeros(count)
+    np.maximum.at(extent, islands, (points.max(axis=1) - least[islands]).max(axis=1))
+    size = np.maximum(np.maximum(mean, extent / CELLS), 1e-300)
+    points = (points - least[islands][:, None]) / size[islands][:, None, None]
+    low, high = np.floor(points.min(axis=1)).astype(np.int64), np.floor(points.max(axis=1)).astype(np.int64)
+    rows = high[:, 1] - low[:, 1] + 1
+    side = np.repeat(np.arange(len(points)), rows)
+    row = topology.ranges(low[:, 1], rows)
+    (x, y), (dx, dy) = points[side, 0].T, (points[side, 1] - points[side, 0]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = [np.where(dy == 0.0, share, np.clip((row + share - y) / dy, 0.0, 1.0)) for share in (0.0, 1.0)]
+    ends = [np.floor(x + dx * end + nudge).astype(np.int64) for end in ends for nudge in (-1e-9, 1e-9)]
+    first = np.clip(np.minimum.reduce(ends), low[side, 0], high[side, 0])
+    columns = np.clip(np.maximum.reduce(ends), low[side, 0], high[side, 0]) - first + 1
+    key = (islands[side] * (2 * CELLS) + row) * (2 * CELLS)
+    return np.repeat(key, columns) + topology.ranges(first, columns), np.repeat(side, columns)
+
+
 def _cross(points: np.ndarray, ids: np.ndarray, others: np.ndarray, other_ids: np.ndarray) -> np.ndarray:
-    """Which of the sides (N, 2, 2) cross one of the others (M, 2, 2). Not those that share an end, by ids (N, 2)."""
-    near = np.ones((len(points), len(others)), bool)
-    for axis in range(2):
-        near &= points[:, None, :, axis].min(axis=2) <= others[None, :, :, axis].max(axis=2)
-        near &= points[:, None, :, axis].max(axis=2) >= others[None, :, :, axis].min(axis=2)
-    one, other = np.nonzero(near)
-    apart = (ids[one][:, :, None] != other_ids[other][:, None, :]).all(axis=(1, 2))
-    (a, b), (c, d) = np.moveaxis(points[one[apart]], 1, 0), np.moveaxis(others[other[apart]], 1, 0)
-    meet = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
-    return np.unique(one[apart][meet])
+    """Which sides (N, 2, 2) cross the other one (N, 2, 2). Not those that share an end, by ids (N, 2)."""
+    apart = (ids[:, :, None] != other_ids[:, None, :]).all(axis=(1, 2))
+    (a, b), (c, d) = np.moveaxis(points, 1, 0), np.moveaxis(others, 1, 0)
+    return apart & (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
 
 
 def _side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -16,8 +16,9 @@ from .triangles import face_areas
 WORST = 100.0
 """The most that a triangle counts for, as a factor on the mean distance between its texels: slivers without area in UV space
 would decide alone."""
-ENOUGH = 0.75
-"""The least share of an island's area that it would need without stretch, or else it is bad."""
+SQUASHED, TINY = 1e-3, 1e-7
+"""A triangle with less than the first share of the area that it should have in UV space is squashed, if it has more than the
+second share of its island."""
 BORDER_PRICE = 0.5
 """What a texel at a border costs, as a share of one: mip levels and filters mix half of it with what lies beside."""
 SPLIT_PRICE = 0.1
@@ -106,24 +107,44 @@ def _sound(measured: "_Triangles", uv: np.ndarray, islands: np.ndarray) -> float
     return float((1.0 - folded) * once)
 
 
-def bad(points: np.ndarray, uv: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which triangles are folded, and which are in islands that need much more of the map than they would without stretch.
+@dataclass(frozen=True, eq=False)
+class Needs:
+    """What islands need of a map, by islands.
 
-    Returns two (T,) bool.
+    Attributes:
+        surface: (I,) float64, their areas on the surface.
+        need: (I,) float64, the area of a map that gives them as many texels as `surface` would without stretch.
+        scale: (I,) float64, the factor on their UVs by which they share a map best, for which `surface` is an even density.
+        is_folded: (I,) bool, whether they have triangles that are folded over, or squashed.
+    """
 
-    islands: (T,) int from 0, the island of each triangle.
+    surface: np.ndarray
+    need: np.ndarray
+    scale: np.ndarray
+    is_folded: np.ndarray
+
+
+def needs(points: np.ndarray, uv: np.ndarray, islands: np.ndarray) -> Needs:
+    """What islands need of a map. points (T, 3, 3), uv (T, 3, 2), islands (T,) int from 0.
+
+    If islands with the surface S and the mean square s of distances of their texels take the areas a, all have the least blur
+    together where they are scaled to areas in proportion to the root of S * s * a.
     """
     measured, count = _Triangles(points, uv), int(islands.max(initial=-1)) + 1
     islands = islands[measured.counts]
     used, surface = np.bincount(islands, measured.used, count), np.bincount(islands, measured.surface, count)
-    even = np.sqrt(used / np.where(surface > 0.0, surface, 1.0))[islands] / WORST
-    most, least = np.maximum(measured.most, even), np.maximum(measured.least, even)
+    even = used / np.where(surface > 0.0, surface, 1.0)
+    worst = np.sqrt(even)[islands] / WORST
+    most, least = np.maximum(measured.most, worst), np.maximum(measured.least, worst)
     with np.errstate(divide="ignore", invalid="ignore"):
-        spacing = np.bincount(islands, measured.surface * _spacing(most, least), count)
-        share = surface**2 / (spacing * used)
-    folded, stretched = np.zeros((2, len(points)), bool)
-    folded[measured.counts], stretched[measured.counts] = measured.signed <= 0.0, ~(share >= ENOUGH)[islands]
-    return folded, stretched
+        need = np.sqrt(np.bincount(islands, measured.surface * _spacing(most, least), count) * used)
+        scale = np.sqrt(need / used)
+    squashed = measured.signed < SQUASHED * measured.surface * even[islands]
+    squashed &= measured.surface > TINY * surface[islands]
+    is_there = surface > 0.0
+    folded = np.bincount(islands[squashed], minlength=count) > 0
+    folded |= is_there & ~((used > 0.0) & np.isfinite(need) & np.isfinite(scale))
+    return Needs(surface, np.where(is_there & ~folded, need, surface), np.where(is_there & ~folded, scale, 1.0), folded)
 
 
 class _Triangles:

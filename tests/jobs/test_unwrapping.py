@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.core.progress import finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_jobs, unwrapping
+from addon.jobs import Job, bake_jobs, flattening, unwrapping
 from addon.mesh import uv_stretch
 from addon.scene import mesh_reader
 from tests.support import lanes, zoo
@@ -84,24 +83,27 @@ def test_maps_are_sharper_than_by_smart_project(build):
     """Which gets half the distance between islands."""
     low, rival = bare(build()), bare(build())
     rival.data.uv_layers.new()
-    with unwrapping.editing(rival):
+    with flattening.editing(rival):
         bpy.ops.uv.smart_project(island_margin=unwrapping.margin(SETTINGS.sampling), margin_method="FRACTION")
     unwrapping.unwrap(low, SETTINGS)
     assert sharpness(low) > sharpness(rival)
 
 
-def test_charts_that_always_overlap_leave_smart_project(monkeypatch):
-    monkeypatch.setattr(unwrapping.uv_crossings, "crossing", lambda mesh, islands: np.ones(len(islands), bool))
-    assert "islands by Smart Project" in unwrapping.unwrap(bare(zoo.terrain("lo", 4, height=0.3)), SETTINGS)
+def test_charts_that_always_overlap_become_single_faces(monkeypatch):
+    monkeypatch.setattr(
+        flattening.uv_crossings, "crossing", lambda uv, nodes, islands: np.bincount(islands)[islands] > 2
+    )
+    assert "16 islands" in unwrapping.unwrap(bare(zoo.terrain("lo", 4, height=0.3)), SETTINGS)
 
 
-def test_seams_of_the_mesh_are_tried_and_stay():
-    low = bare(zoo.terrain("lo", 4, height=0.3))
+def test_seams_of_the_mesh_are_tried_and_stay(monkeypatch):
+    monkeypatch.setattr(unwrapping, "STEPS", (1000.0,))  # many charts: the seams are better
+    low = bare(zoo.terrain("lo", 6, height=0.8))
     for edge in low.data.edges:
-        edge.use_seam = edge.index % 7 == 0
+        edge.use_seam = all(abs(low.data.vertices[k].co.x) < 0.1 for k in edge.vertices)
     seams = [edge.use_seam for edge in low.data.edges]
-    assert any("seams" in each.name for each in finish(unwrapping.attempts(low, SETTINGS.sampling)))
-    unwrapping.unwrap(low, SETTINGS)
+    assert 0 < sum(seams) < len(seams)
+    assert "2 islands by the mesh's seams" in unwrapping.unwrap(low, SETTINGS)
     assert [edge.use_seam for edge in low.data.edges] == seams
 
 

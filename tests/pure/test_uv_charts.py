@@ -4,9 +4,8 @@
 import numpy as np
 import pytest
 
-from addon.mesh import uv_crossings, uv_stretch
-from addon.mesh.triangle_mesh import Mesh
-from addon.mesh.uv_charts import Charts
+from addon.mesh import uv_crossings
+from addon.mesh.uv_charts import ChartOptions, Charts, best_parts
 from tests.support import random_cases
 
 MARGIN = 1.0 / 256.0
@@ -70,11 +69,24 @@ def spoiled(seed):
     return points, np.concatenate([triangles, double, [[3, 3, 4]]])
 
 
+def charts_of(points, triangles, **options):
+    return Charts(points, triangles, ChartOptions(MARGIN, **options))
+
+
 def grown(points, triangles, *stretches):
-    charts = Charts(points, triangles, np.arange(len(triangles)), MARGIN)
+    """The charts, and their labels after these steps."""
+    charts = charts_of(points, triangles)
+    labels = charts.flat()
     for stretch in stretches:
-        charts.grow(stretch)
-    return charts
+        labels = charts.grown(labels, stretch)
+    return charts, labels
+
+
+def mesh_at_random(seed, rows=12, columns=24):
+    """A bent strip with noise, and half of its faces' diagonals the other way."""
+    random = np.random.default_rng(seed)
+    points, triangles = sphere(rows, columns)
+    return points + 0.02 * random.standard_normal(points.shape), triangles
 
 
 def pieces(triangles, seams):
@@ -114,22 +126,46 @@ def pieces(triangles, seams):
     return numbers, euler[names]
 
 
-def cuts(charts, triangles, step=None):
-    return charts.seams(np.full(len(triangles), charts.steps if step is None else step))
-
-
 def test_a_flat_grid_is_one_chart_whose_seams_are_its_border():
     points, triangles = flat(6, 9)
-    charts = grown(points, triangles, 1.0)
-    assert charts.count == 1
-    assert len(cuts(charts, triangles)) == 2 * (6 + 9)
+    charts, labels = grown(points, triangles)
+    assert not labels.any() and charts.is_flat(labels).all()
+    assert len(charts.seams(labels)) == 2 * (6 + 9)
 
 
-def test_the_sides_of_a_cube_are_charts_if_stretch_counts_much():
+def plate(holes):
+    """A flat plate with holes x holes of them, one square in four."""
+    side = 2 * holes + 1
+    points, triangles = flat(side, side)
+    middle = np.floor(points[triangles].mean(axis=1)[:, :2] * side).astype(int)
+    return points, triangles[~(middle % 2 == 1).all(axis=1)]
+
+
+def test_a_plate_with_holes_is_one_flat_chart_without_slits():
+    points, triangles = plate(4)
+    charts, labels = grown(points, triangles)
+    assert not labels.any()
+    assert len(charts.seams(labels)) == 4 * 9 + 16 * 4
+    assert (charts.nodes(labels, triangles)[triangles] == triangles).all()
+
+
+def test_many_small_bends_are_not_flat():
+    """A cylinder of 8,000 sides, each of which differs from the next by less than a flat chart has room for."""
+    _, labels = grown(*cylinder(1, 8000))
+    assert labels.max() + 1 == 16000
+
+
+def test_the_sides_of_a_cube_are_joined_without_a_corner_inside():
     points, triangles = cube()
-    charts = grown(points, triangles, 100.0)
-    assert charts.count == 6
-    assert len(cuts(charts, triangles)) == 12 * 4
+    charts, labels = grown(points, triangles)
+    assert labels.max() + 1 == 6 and np.bincount(labels).tolist() == [32] * 6
+    charts, labels = grown(points, triangles, 1.0)
+    assert labels.max() + 1 < 6
+    numbers, euler = pieces(triangles, charts.seams(labels))
+    assert (euler == 1).all() and numbers.max() == labels.max()
+    is_corner = np.isin(points, [0.0, 1.0]).all(axis=1)
+    ends, times = np.unique(charts.seams(labels), return_counts=True)
+    assert set(np.flatnonzero(is_corner)) <= set(ends)
 
 
 def test_hard_edges_are_borders():
@@ -138,69 +174,112 @@ def test_hard_edges_are_borders():
     on_sides = ((points[ends] == points[ends][:, :1]).all(axis=1)) & np.isin(points[ends][:, 0], [0.0, 1.0])
     hard = ends[on_sides.sum(axis=1) == 2]  # along the edges of the cube
     assert len(np.unique(np.sort(hard, axis=1), axis=0)) == 12 * 4
-    charts = Charts(points, triangles, np.arange(len(triangles)), MARGIN, hard)
-    charts.grow(0.001)
-    assert grown(points, triangles, 0.001).count < charts.count == 6
+    charts = charts_of(points, triangles, hard=hard)
+    assert charts.grown(charts.flat(), 0.0).max() + 1 == 6
+
+
+@pytest.mark.parametrize("narrows", [0.0, 0.3])
+def test_tubes_and_funnels_are_one_chart_however_much_stretch_counts(narrows):
+    points, triangles = cylinder()
+    points[:, :2] *= 1.0 - narrows * points[:, 2:]
+    charts, labels = grown(points, triangles, 1000.0)
+    assert labels.max() == 0
+    numbers, euler = pieces(triangles, charts.seams(labels))
+    assert euler.tolist() == [1]  # by one slit
+
+
+def test_the_slit_of_a_tube_is_the_shortest():
+    points, triangles = cylinder(8, 24)
+    charts, labels = grown(points, triangles, 1.0)
+    seams = charts.seams(labels)
+    open_ends = 2 * 24
+    assert len(seams) == open_ends + 8
+    slit = points[seams[open_ends:]]
+    assert np.linalg.norm(slit[:, 1] - slit[:, 0], axis=1).sum() == pytest.approx(2.0)
+
+
+def test_the_slit_of_a_cone_ends_at_its_tip():
+    angle = 2.0 * np.pi * np.arange(24) / 24
+    rim = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    points = np.concatenate([rim, [[0.0, 0.0, 2.0]]])
+    triangles = np.stack([np.arange(24), (np.arange(24) + 1) % 24, np.full(24, 24)], axis=1)
+    charts, labels = grown(points, triangles, 100.0)
+    assert labels.max() == 0
+    seams = charts.seams(labels)
+    assert len(seams) == 24 + 1 and 24 in seams[-1]
 
 
 @pytest.mark.parametrize("shape", [flat, cylinder, torus, sphere, cube], ids=lambda shape: shape.__name__)
 @pytest.mark.parametrize("stretch", [30.0, 1.0, 0.01])
 def test_charts_are_disks(shape, stretch):
     points, triangles = shape(8, 8) if shape is flat else shape()
-    charts = grown(points, triangles, 30.0, stretch)
-    numbers, euler = pieces(triangles, cuts(charts, triangles))
-    assert numbers.max() + 1 == charts.count
+    charts, labels = grown(points, triangles, 30.0, stretch)
+    numbers, euler = pieces(triangles, charts.seams(labels))
+    assert numbers.max() == labels.max()
     assert (euler == 1).all()
 
 
-def test_charts_are_fewer_where_stretch_counts_less_and_no_more_than_half_a_sphere_bent():
+def test_a_whole_torus_and_a_whole_sphere_are_cut_to_disks():
+    """Also if nothing but the shape asks for it: no border, handles."""
+    for points, triangles in (torus(), sphere()):
+        charts = charts_of(points, triangles)
+        closed = np.zeros(len(triangles), int)
+        _, euler = pieces(triangles, charts.seams(closed))
+        assert euler.tolist() == [1]
+
+
+def test_charts_are_fewer_where_stretch_counts_less():
     points, triangles = sphere()
-    counts = [grown(points, triangles, stretch).count for stretch in (100.0, 10.0, 1.0, 0.1, 0.0)]
+    counts = [grown(points, triangles, stretch)[1].max() + 1 for stretch in (100.0, 10.0, 1.0, 0.1, 0.0)]
     assert counts == sorted(counts, reverse=True) and counts[0] > 3 * counts[-1]
-    charts = grown(points, triangles, 0.0)
-    numbers, _ = pieces(triangles, cuts(charts, triangles))
-    normals = np.cross(
-        points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]]
-    )
-    for number in range(charts.count):
-        mine = normals[numbers == number]
-        assert np.linalg.norm(mine.sum(axis=0)) >= 0.38 * np.linalg.norm(mine, axis=1).sum()
 
 
 @random_cases.seeds(6, fast=2)
 def test_charts_of_spoiled_meshes_are_disks(seed):
     points, triangles = spoiled(seed)
-    charts = grown(points, triangles, 10.0, 1.0, 0.1)
-    _, euler = pieces(triangles, cuts(charts, triangles))
-    assert (euler[np.bincount(pieces(triangles, cuts(charts, triangles))[0]) > 1] == 1).all()
+    charts, labels = grown(points, triangles, 10.0, 1.0, 0.1)
+    numbers, euler = pieces(triangles, charts.seams(labels))
+    assert (
+        euler[(np.bincount(numbers) > 1) & ~charts.is_flat(labels)[labels[np.unique(numbers, return_index=True)[1]]]]
+        == 1
+    ).all()
 
 
 @random_cases.seeds(3, fast=2)
-def test_borders_that_zigzag_become_straight(seed, monkeypatch):
-    points, triangles = sphere()
-    points = points + 0.03 * np.random.default_rng(seed).standard_normal(points.shape)
+def test_borders_that_zigzag_become_straight(seed):
+    points, triangles = mesh_at_random(seed)
+    charts, labels = grown(points, triangles, 3.0)
 
-    def length():
-        ends = points[cuts(grown(points, triangles, 3.0), triangles)]
+    def length(labels):
+        ends = points[charts.seams(labels)]
         return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
 
-    straight = length()
-    monkeypatch.setattr(Charts, "_move", lambda *_: False)
-    assert straight < 0.99 * length()
+    straight = charts.straightened(labels, 3.0)
+    assert length(straight) < 0.99 * length(labels)
+    assert charts.whole(straight).max() == straight.max() == labels.max()
 
 
-def test_faces_can_show_earlier_steps():
-    points, triangles = cube()
-    charts = grown(points, triangles, 100.0, 0.01)
-    steps = np.full(len(triangles), 2)
-    assert len(charts.seams(steps)) < 12 * 4
-    steps[:5] = 0
-    numbers, _ = pieces(triangles, charts.seams(steps))
-    assert (np.bincount(numbers)[numbers[:5]] == 1).all()
+def test_charts_are_halved_where_they_are_longest():
+    points, triangles = flat(4, 12)
+    points = points * (4.0, 12.0, 0.0)
+    charts = charts_of(points, triangles)
+    labels = charts.halved(charts.flat(), np.array([True]))
+    middle = points[triangles].mean(axis=1)
+    assert sorted(np.bincount(labels).tolist()) == [48, 48]
+    assert (np.ptp(middle[labels == 0], axis=0)[:2] < (4.0, 6.0)).all()
 
 
-def mesh_of(uv, triangles):
-    return Mesh.of_arrays("", np.insert(uv, 2, 0.0, axis=1), triangles, uv)
+def test_the_cheapest_parts_are_found():
+    """Two charts of four, which cost less in parts than whole, and the other way around."""
+    levels = [np.array([0, 0, 1, 2, 3, 3]), np.array([0, 0, 0, 1, 1, 1]), np.zeros(6, int)]
+    used, labels = best_parts(levels, [np.array([1.0, 1.0, 2.0, 2.0]), np.array([3.0, 3.0]), np.array([6.0])])
+    assert used.tolist() == [0, 0, 0, 1, 1, 1] and labels.tolist() == [0, 0, 1, 2, 2, 2]
+    used, labels = best_parts(levels, [np.array([1.0, 1.0, 2.0, 2.0]), np.array([3.0, 3.0]), np.array([5.0])])
+    assert used.tolist() == [2] * 6 and not labels.any()
+
+
+def crossing(uv, triangles, islands):
+    return uv_crossings.crossing(uv[triangles], triangles, islands)
 
 
 def test_borders_that_cross_are_found():
@@ -208,29 +287,41 @@ def test_borders_that_cross_are_found():
     angle = places[:, 1] * 2.0 * np.pi * 0.95
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (1.0 + 0.3 * places[:, :1])
     islands = np.zeros(len(triangles), int)
-    assert not uv_crossings.crossing(mesh_of(ring, triangles), islands).any()
+    assert not crossing(ring, triangles, islands).any()
     angle *= 1.2  # the ends overlap
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (1.0 + 0.3 * places[:, :1] + 0.1 * places[:, 1:])
-    found = uv_crossings.crossing(mesh_of(ring, triangles), islands)
+    found = crossing(ring, triangles, islands)
     assert found.any() and not found[np.isclose(places[triangles].mean(axis=1)[:, 1], 0.5, atol=0.2)].any()
-    assert not uv_crossings.crossing(mesh_of(ring, triangles), np.arange(len(triangles))).any()
+    assert not crossing(ring, triangles, np.arange(len(triangles))).any()
 
 
 def test_borders_whose_lines_alone_cross_are_apart():
     """The line of a side of the small triangle parts the ends of the long side of the other one, but does not reach it."""
     uv = np.array([(0.0, 0.0), (4.0, 0.0), (0.0, 4.0), (3.0, 3.0), (3.0, 2.5), (2.8, 3.0)])
     triangles = np.array([(0, 1, 2), (3, 4, 5)])
-    assert not uv_crossings.crossing(mesh_of(uv, triangles), np.zeros(2, int)).any()
+    assert not crossing(uv, triangles, np.zeros(2, int)).any()
 
 
-def test_folds_and_stretch_are_found():
-    points, triangles = flat(4, 4)
-    islands = np.zeros(len(triangles), int)
-    uv = points[triangles][..., 1::-1]
-    assert not np.any(uv_stretch.bad(points[triangles], uv, islands))
-    folded, _ = uv_stretch.bad(points[triangles], np.where(np.arange(32)[:, None, None] == 7, uv[:, ::-1], uv), islands)
-    assert np.flatnonzero(folded).tolist() == [7]
-    # Distances of 1 and k need (1 + k * k) / (2 * k) of the area: 4 / 3 for k = 2.215.
-    for factor, is_bad in ((2.2, False), (2.23, True)):
-        folded, stretched = uv_stretch.bad(points[triangles], uv * (factor, 1.0), islands)
-        assert not folded.any() and (stretched == is_bad).all()
+@random_cases.seeds(12, fast=4)
+def test_all_pairs_of_sides_find_the_same_crossings(seed):
+    """Long and short triangles that share no corner, in two islands: by looking at each pair."""
+    random = np.random.default_rng(seed)
+    corners = random.standard_normal((60, 1, 2)) + random.standard_normal((60, 3, 2)) * 10.0 ** random.uniform(
+        -3, 1, (60, 1, 1)
+    )
+    islands = random.integers(0, 2, 60)
+    first, last = corners, np.roll(corners, -1, axis=1)
+    expected = np.zeros(60, bool)
+
+    def side(a, b, c):
+        return np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    for i in range(60):
+        for j in range(60):
+            if i != j and islands[i] == islands[j]:
+                pairs = [(first[i, k], last[i, k], first[j, n], last[j, n]) for k in range(3) for n in range(3)]
+                expected[i] |= any(
+                    side(a, b, c) != side(a, b, d) and side(c, d, a) != side(c, d, b) for a, b, c, d in pairs
+                )
+    found = uv_crossings.crossing(corners, np.arange(180).reshape(60, 3), islands)
+    assert found.tolist() == expected.tolist() and 10 < found.sum() < 60

@@ -102,3 +102,49 @@ def test_the_figure_has_a_price_for_borders_and_for_split_vertices():
     layout = uv_stretch.Layout(0.9, 1.0, 1.0, 0.8, 0.9, 0.2, 0.5, 3)
     assert layout.figure == pytest.approx(0.9 * 0.8 * 0.9 / 1.05)
     assert uv_stretch.measure(SQUARE, SQUARE[..., :2], 100).figure == pytest.approx(1.0 - 0.5 * 4.0 * 0.005)
+
+
+def test_islands_without_stretch_need_their_area():
+    """Of two squares, one is half as large in UV space as it should be beside the other."""
+    points = np.concatenate([SQUARE, 2.0 * SQUARE])
+    uv = np.concatenate([SQUARE, SQUARE])[..., :2]
+    needs = uv_stretch.needs(points, uv, np.array([0, 0, 1, 1]))
+    assert needs.surface == pytest.approx([1.0, 4.0]) and needs.need == pytest.approx([1.0, 4.0])
+    assert needs.scale == pytest.approx([1.0, 2.0]) and not needs.is_folded.any()
+
+
+def test_a_stretched_island_needs_more():
+    """Distances of 1 and k need (1 + k * k) / (2 * k) of the squares' area, and their root is the need."""
+    for k in (0.5, 3.0):
+        needs = uv_stretch.needs(SQUARE, SQUARE[..., :2] * (k, 1.0), np.zeros(2, int))
+        more = np.sqrt((1.0 + k * k) / (2.0 * k))
+        assert needs.need == pytest.approx([more])
+        assert needs.scale**2 * k == pytest.approx([more])  # the area that it gets
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_no_other_scales_of_islands_are_sharper(seed):
+    random = np.random.default_rng(seed)
+    points, islands = np.concatenate([SQUARE] * 4), np.repeat(np.arange(4), 2)
+    uv = points[..., :2] * random.uniform(0.3, 3.0, (4, 1, 2)).repeat(2, axis=0)
+    needs = uv_stretch.needs(points, uv, islands)
+
+    def sharpness(scales):
+        found = uv_stretch.measure(points, uv * scales[islands][:, None, None] + 10.0 * islands[:, None, None])
+        return found.sharpness / found.used
+
+    best = sharpness(needs.scale)
+    assert best == pytest.approx((needs.surface.sum() / needs.need.sum()) ** 2)
+    assert all(sharpness(needs.scale * random.uniform(0.95, 1.05, 4)) < best for _ in range(20))
+
+
+def test_folded_squashed_and_lost_islands_are_told():
+    points, islands = np.concatenate([SQUARE] * 5), np.repeat(np.arange(5), 2)
+    uv = points[..., :2].copy()
+    uv[2] = uv[2, ::-1]  # turned over
+    uv[4] = uv[4] * (1.0, 0.0)  # squashed
+    uv[6:8] = 0.0  # lost
+    points[9] *= 0.0  # without area on the surface: does not count
+    needs = uv_stretch.needs(points, uv, islands)
+    assert needs.is_folded.tolist() == [False, True, True, True, False]
+    assert needs.need == pytest.approx(needs.surface) and np.isfinite(needs.scale).all()

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flattens charts of a mesh: flat ones by projection, others by Blender's operators, a few thousand faces at a time.
+
+Blender unwraps copies of the charts, whose vertices are split where the charts end, so that seams, fans and faces that lie on
+each other need no care.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ..core import foreach
+from ..core.progress import Progress, Task
+from ..mesh import topology, uv_crossings, uv_stretch
+from ..mesh.topology import numbered
+from ..mesh.triangle_mesh import Mesh
+from ..mesh.uv_charts import ChartOptions, Charts
+from ..scene import mesh_writer
+from . import temporary
+
+ANGLES, STRETCH = "ANGLE_BASED", "MINIMUM_STRETCH"
+"""Blender's ways: quick, and with less stretch; the second one does not fold."""
+ITERATIONS = 20
+"""Of the second way: 40 do not leave less stretch."""
+AT_ONCE = 3000
+"""Faces that Blender unwraps in one step, about."""
+STEEP = 70.0
+"""Charts are also projected if no normal is further from the mean, in degrees: rounding folds steeper ones."""
+HALVINGS = 12
+"""How often charts that fold or overlap are halved, until each of their faces is a chart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flattened:
+    """Charts and their UVs, each by itself.
+
+    Attributes:
+        labels: (F,) int from 0, the chart of each face.
+        uv: (C, 2) float64, of corners, in units of the surface, scaled so that charts share a map best.
+        nodes: (C,) int, the UV vertex of each corner.
+        stretch: (N,) float64, the area of the map that stretch costs, by charts; infinite for those that fold or overlap.
+    """
+
+    labels: np.ndarray
+    uv: np.ndarray
+    nodes: np.ndarray
+    stretch: np.ndarray
+
+    @property
+    def is_bad(self) -> np.ndarray:
+        """Which charts (N,) bool fold or overlap."""
+        return np.isinf(self.stretch)
+
+
+class Flattener:
+    """Flattens charts of a mesh, which are labels (F,) int from 0 of its faces.
+
+    Attributes:
+        mesh: With the faces and the corners of the object's mesh.
+        charts: Its charts.
+    """
+
+    def __init__(self, mesh: Mesh, data: bpy.types.Mesh, options: ChartOptions):
+        """data: what `mesh` was read from. options: for charts, with the faces of the mesh."""
+        self.mesh = mesh
+        triangles = mesh.vertices[mesh.triangles]
+        self.charts = Charts(mesh.positions, triangles, replace(options, faces=mesh.faces))
+        self._starts, self._sizes = (foreach.read(data.polygons, name) for name in ("loop_start", "loop_total"))
+        self._starts, self._sizes = self._starts[: self.charts.count], self._sizes[: self.charts.count]
+        self._points = mesh.positions.astype(np.float64)[mesh.vertices]  # of corners
+        self._has_triangles = np.bincount(mesh.faces, minlength=self.charts.count) > 0
+
+    def flattened(
+        self, labels: np.ndarray, seams: np.ndarray | None = None, known: Flattened | None = None
+    ) -> Task[Flattened]:
+        """Flatten charts. seams: (S, 2) int, edges that are cut as well. known: of charts some of which may be the same."""
+        nodes = self.charts.nodes(labels, self.mesh.triangles, seams)
+        result = self._measured(labels, self._projected(labels), nodes)
+        is_left = ~self.charts.is_flat(labels) | result.is_bad
+        if known is not None:
+            same = _same(labels, known.labels)
+            result = self._better(result, self._measured(labels, known.uv, nodes), same)
+            is_left &= ~same
+        is_left &= np.bincount(labels) > 1
+        result = yield from self._unwrapped(result, is_left, ANGLES)
+        result = yield from self._unwrapped(result, is_left & result.is_bad, STRETCH)
+        return result
+
+    def sound(self, labels: np.ndarray, seams: np.ndarray | None = None) -> Task[Flattened]:
+        """Flatten charts, of which those that fold or overlap are halved until none does."""
+        result = yield from self.flattened(labels, seams)
+        for number in range(HALVINGS + 1):
+            bad = result.is_bad & (np.bincount(result.labels) > 1)
+            if not bad.any():
+                break
+            if number < HALVINGS:
+                labels = self.charts.halved(result.labels, bad)
+            else:
+                labels = numbered(
+                    np.where(bad[result.labels], len(bad) + np.arange(len(result.labels)), result.labels)
+                )[1]
+            result = yield from self.flattened(labels, seams, result)
+        return result
+
+    def relaxed(self, flattened: Flattened) -> Task[Flattened]:
+        """With less stretch, where Blender finds some."""
+        return (yield from self._unwrapped(flattened, ~self.charts.is_flat(flattened.labels), STRETCH))
+
+    def joined(self, levels: list[Flattened], level: np.ndarray, labels: np.ndarray) -> Flattened:
+        """Charts from several levels. level: (F,) int, from which each face is. labels: (F,) int, of all together."""
+        uv, nodes = np.zeros_like(levels[0].uv), np.zeros_like(levels[0].nodes)
+        stretch = np.zeros(int(labels.max(initial=-1)) + 1)
+        every, of = topology.ranges(self._starts, self._sizes), np.repeat(level, self._sizes)
+        for number, each in enumerate(levels):
+            corners = every[of == number]
+            uv[corners], nodes[corners] = each.uv[corners], each.nodes[corners]
+            faces = np.flatnonzero(level == number)
+            stretch[labels[faces]] = each.stretch[each.labels[faces]]
+        return Flattened(labels, uv, nodes, stretch)
+
+    def _unwrapped(self, before: Flattened, chosen: np.ndarray, method: str) -> Task[Flattened]:
+        """With some charts unwrapped by Blender, where that is better."""
+        faces = np.flatnonzero(chosen[before.labels] & self._has_triangles)
+        if not len(faces):
+            return before
+        sizes = np.bincount(before.labels[faces], minlength=len(chosen))
+        groups = (np.cumsum(sizes) - sizes) // AT_ONCE
+        faces = faces[np.argsort(groups[before.labels[faces]], kind="stable")]
+        uv = before.uv.copy()
+        blocks = np.split(faces, np.flatnonzero(np.diff(groups[before.labels[faces]])) + 1)
+        for done, block in enumerate(blocks):
+            yield Progress("Unwrapping", done / len(blocks))
+            corners = topology.ranges(self._starts[block], self._sizes[block])
+            found = self._by_blender(block, corners, before.nodes, method)
+            if found is not None:
+                uv[corners] = found
+        return self._better(before, self._measured(before.labels, uv, before.nodes), chosen)
+
+    def _by_blender(self, faces: np.ndarray, corners: np.ndarray, nodes: np.ndarray, method: str) -> np.ndarray | None:
+        """The UVs of the corners of some faces; None if Blender cannot."""
+        used, vertices = numbered(nodes[corners])
+        points = np.empty((len(used), 3))
+        points[vertices] = self._points[corners]
+        sizes = self._sizes[faces]
+        with temporary.scene() as scene:
+            data = bpy.data.meshes.new(temporary.TEMPORARY)
+            mesh_writer.fill(data, points, vertices, np.cumsum(sizes) - sizes)
+            data.update(calc_edges=True)
+            data.uv_layers.active = data.uv_layers.new(name="UVMap")
+            obj = temporary.add_object(scene, data)
+            try:
+                with editing(obj):
+                    bpy.ops.uv.unwrap(
+                        method=method, fill_holes=False, correct_aspect=False, margin=0.0, **_more(method)
+                    )
+            except RuntimeError:  # an operator that cannot work says so in this way
+                return None
+            uv = np.empty((len(corners), 2), np.float32)
+            data.uv_layers.active.uv.foreach_get("vector", uv.reshape(-1))
+        return np.nan_to_num(uv.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+
+    def _projected(self, labels: np.ndarray) -> np.ndarray:
+        """The UVs (C, 2) by projection along the mean normal of each chart."""
+        normals = self.charts.mean_normals(labels)
+        along = np.eye(3)[np.abs(normals).argmin(axis=1)]
+        u = np.cross(along, normals)
+        u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-300)
+        axes = np.stack([u, np.cross(normals, u)], axis=1)
+        uv = np.zeros((len(self._points), 2))
+        corners = topology.ranges(self._starts, self._sizes)
+        of = np.repeat(labels, self._sizes)
+        uv[corners] = (axes[of] * self._points[corners][:, None]).sum(axis=2)
+        return uv
+
+    def _measured(self, labels: np.ndarray, uv: np.ndarray, nodes: np.ndarray) -> Flattened:
+        islands, triangles = labels[self.mesh.faces], self.mesh.triangles
+        needs = uv_stretch.needs(self._points[triangles], uv[triangles], islands)
+        stretch = needs.need - needs.surface
+        bad = needs.is_folded
+        bad[islands[uv_crossings.crossing(uv[triangles], nodes[triangles], islands)]] = True
+        bad &= np.bincount(labels) > 1
+        stretch[bad] = np.inf
+        scaled = np.zeros_like(uv)
+        corners = topology.ranges(self._starts, self._sizes)
+        scaled[corners] = uv[corners] * needs.scale[np.repeat(labels, self._sizes)][:, None]
+        return Flattened(labels, scaled, nodes, stretch)
+
+    def _better(self, one: Flattened, other: Flattened, chosen: np.ndarray) -> Flattened:
+        """Those of `one`, and of the chosen charts the ones of `other` that have less stretch."""
+        chosen = chosen & (other.stretch < one.stretch)
+        uv = one.uv.copy()
+        corners = topology.ranges(self._starts, self._sizes)
+        corners = corners[np.repeat(chosen[one.labels], self._sizes)]
+        uv[corners] = other.uv[corners]
+        return replace(one, uv=uv, stretch=np.where(chosen, other.stretch, one.stretch))
+
+
+def _more(method: str) -> dict[str, int]:
+    return {"iterations": ITERATIONS} if method == STRETCH else {}
+
+
+def _same(labels: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which charts (N,) bool have the same faces as one of the others."""
+    count = int(labels.max(initial=-1)) + 1
+    other = np.zeros(count, np.int64)
+    other[labels] = others
+    differs = np.bincount(labels, others != other[labels], count) > 0.0
+    return ~differs & (np.bincount(labels, minlength=count) == np.bincount(others)[other])
+
+
+@contextmanager
+def editing(obj: bpy.types.Object) -> Iterator[None]:
+    """Edit Mode, with everything selected, for the operators of the UV editor."""
+    (scene,) = obj.users_scene
+    scene.tool_settings.use_uv_select_sync = True  # so that the selection of faces counts
+    layer = scene.view_layers[0]
+    with bpy.context.temp_override(
+        scene=scene, view_layer=layer, active_object=obj, object=obj, selected_objects=[obj]
+    ):
+        layer.objects.active = obj
+        bpy.ops.object.mode_set(mode="EDIT")
+        try:
+            with bpy.context.temp_override(edit_object=obj, objects_in_mode_unique_data=[obj]):
+                bpy.ops.mesh.reveal(select=True)
+                bpy.ops.mesh.select_all(action="SELECT")
+                yield
+        finally:
+            bpy.ops.object.mode_set(mode="OBJECT")
