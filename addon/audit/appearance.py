@@ -2,7 +2,8 @@
 """Measures what a viewer sees: high meshes, and a low mesh with its normal map, from many sides at once.
 
 On each pixel that both cover, the shading error is the angle between their normals. Both sides of faces are seen, and the
-normals of back faces are turned to the viewer, as renderers do. So it finds what a comparison with hits of rays cannot: a map
+normals of back faces are turned to the viewer, as renderers do. Engines leave back faces out: those that the high mesh does not
+show are counted. So it finds what a comparison with hits of rays cannot: a map
 that shows a wrong surface exactly, turned faces, a map that is read in a wrong way, and the shape of the low mesh itself.
 """
 
@@ -93,6 +94,7 @@ class Appearance:
     Attributes:
         mean, median, percentile_95, percentile_99, maximum: Of the shading error in degrees, over all pixels that both cover.
         silhouette: The share of the pixels of either that one covers alone.
+        backs: The share of them at which the low mesh shows a back face, and the high mesh does not.
         distance: Between both surfaces along the view, at the 99th percentile, as a share of the diagonal of the box around
             both.
         pixels: The number compared.
@@ -108,6 +110,7 @@ class Appearance:
     percentile_99: float
     maximum: float
     silhouette: float
+    backs: float
     distance: float
     pixels: int
     worst_view: tuple[float, float, float]
@@ -376,6 +379,7 @@ class _InView:
         column, row, depth = (0.5 * clip.T + 0.5) * [[side], [side], [1.0]]
         pixels = np.clip(row, 0, side - 1).astype(np.int64) * side + np.clip(column, 0, side - 1).astype(np.int64)
         seen = depths.reshape(-1)[pixels]
+        seen = np.where(seen > seen_normals.BACK + 0.5, seen - seen_normals.BACK, seen)
         slope = np.sqrt(np.maximum(1.0 - facing**2, 0.0)) / np.maximum(facing, 0.1)
         which = np.flatnonzero((seen > 0.0) & (depth <= seen - 1.0 + BEHIND / side * (1.0 + slope)))
         return cls(which, pixels[which], facing[which])
@@ -387,7 +391,8 @@ class _InView:
         """
         known = texels[..., 0].reshape(-1)[self.pixels]
         is_alone = (known == seen_normals.LOW_ALONE) | (known == seen_normals.HIGH_ALONE)
-        degrees = np.where(is_alone, ALONE, np.maximum(known - 1.0, 0.0))
+        is_wrong = is_alone | (texels[..., 3].reshape(-1)[self.pixels] < 0.0)
+        degrees = np.where(is_wrong, ALONE, np.maximum(known - 1.0, 0.0))
         return np.bincount(self.which, self.facing * degrees, count)
 
 
@@ -487,6 +492,11 @@ class _Squares:
         return dict(zip(self.tiles, means.reshape(len(self.tiles), *self.size[::-1]), strict=True))
 
 
+def _facing(alphas: np.ndarray) -> np.ndarray:
+    """How much the low mesh faces the viewer, from 0 to 1, by what seen_normals.compare writes."""
+    return np.where(alphas < 0.0, -1.0 - alphas, alphas).astype(np.float64)
+
+
 class _Seen:
     """Collects the pictures of all views."""
 
@@ -496,7 +506,7 @@ class _Seen:
         self._angles, self._distances = AngleCounts(), []
         self._sums: list[float] = []
         self._pixels: list[int] = []
-        self._alone = 0
+        self._alone = self._backs = 0
         number = len(squares.tiles) * squares.count
         self._by_square, self._weights = np.zeros(number), np.zeros(number)
 
@@ -504,13 +514,14 @@ class _Seen:
         """Add a picture (side, side, 4), as seen_normals.compare writes it."""
         known = texels[..., 0]
         self._alone += int(np.count_nonzero((known == seen_normals.LOW_ALONE) | (known == seen_normals.HIGH_ALONE)))
+        self._backs += int(np.count_nonzero(texels[..., 3] < 0.0))
         compared = texels[known > 0.0]
         angles = compared[:, 0] - np.float32(1.0)
         self._angles.add(angles)
         self._distances.append(compared[:, 1])
         self._sums.append(float(angles.sum(dtype=np.float64)))
         self._pixels.append(len(angles))
-        numbers, facing = compared[:, 2].astype(np.int64) - 1, compared[:, 3].astype(np.float64)
+        numbers, facing = compared[:, 2].astype(np.int64) - 1, _facing(compared[:, 3])
         self._by_square += np.bincount(numbers, facing * angles, len(self._weights))
         self._weights += np.bincount(numbers, facing, len(self._weights))
 
@@ -530,6 +541,7 @@ class _Seen:
             percentile_99=angles["percentile_99"],
             maximum=angles["maximum"],
             silhouette=self._alone / (self._alone + pixels),
+            backs=self._backs / (self._alone + pixels),
             distance=distance,
             pixels=pixels,
             worst_view=tuple(self._directions[worst].tolist()),

@@ -139,9 +139,10 @@ class Report:
     appearance: dict[str, Any] = _of("findings.appearance.to_dict", default_factory=dict)
     """What a viewer sees of the low mesh with its map, and of the high meshes, from 40 sides: mean, median, percentile_95,
     percentile_99 and maximum of the degrees between both normals, on so many pixels; silhouette: the share of the pixels that
-    one of both covers alone; distance: between both along the view, at the 99th percentile, as a share of the diagonal; wrong:
-    the share of the texels, by squares of the map, whose mean is more than 20 degrees; worst_view: the direction towards the
-    viewer who sees the largest mean. Empty unless it was asked for."""
+    one of both covers alone; backs: of those at which the low mesh shows a back face, and the high mesh does not; distance:
+    between both along the view, at the 99th percentile, as a share of the diagonal; wrong: the share of the texels, by squares
+    of the map, whose mean is more than 20 degrees; worst_view: the direction towards the viewer who sees the largest mean.
+    Empty unless it was asked for."""
     tiles: list[int] = _of("tiles", default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = _of("maps", default_factory=dict)
@@ -342,7 +343,9 @@ class Report:
             return []
         mean, most, silhouette = (self.appearance[name] for name in ("mean", "percentile_99", "silhouette"))
         how = f"{mean:.2f} degrees (mean), {most:.1f} (99th percentile)"
-        return [f"Shading error: {how}; outlines differ on {silhouette:.2%} of the pixels"]
+        backs = self.appearance.get("backs", 0.0)
+        seen = f", back faces show on {backs:.2%}" if backs > 0.0 else ""
+        return [f"Shading error: {how}; outlines differ on {silhouette:.2%} of the pixels{seen}"]
 
     def _ranges(self, length: Length) -> list[str]:
         """What black and white stand for in maps of lengths, for the summary: maps fit together if it is the same."""

@@ -13,6 +13,8 @@ from . import lit, shader, target
 
 NOTHING, LOW_ALONE, HIGH_ALONE, OTHERS = 0, -1, -2, -3
 """What is known of a pixel instead of its angle, as in seen_lib.glsl."""
+BACK = 2.0
+"""What is added to the depths of back faces."""
 NOT_JUDGED, OWN_NORMALS, MAP_NORMALS = range(3)
 """Which normals of the low mesh are compared, as in seen_low_frag.glsl."""
 
@@ -38,7 +40,8 @@ FORMATS = "RGBA32F", "DEPTH_COMPONENT32F"
 def draw_high(
     into: target.Target, meshes: Iterable[tuple[gpu.types.GPUBatch, np.ndarray]], view: np.ndarray, *, clear: bool
 ) -> None:
-    """Draw the unit normals of meshes into `into` (FORMATS), and 1 + the depth in alpha; 0 where there is no mesh.
+    """Draw the unit normals of meshes into `into` (FORMATS), and 1 + the depth in alpha, and BACK more for back
+    faces; 0 where there is no mesh.
 
     Args:
         meshes: batches with position, in a space with the world's axes, and normal; and the normal matrix (3, 3) of each.
@@ -59,7 +62,8 @@ def compare(
 ) -> None:
     """Fill `into` (FORMATS) with 1 + the degrees between the normals that a viewer sees of the high mesh and the low one, or
     with what is known instead; the distance between both along the view, as a share of its depth; the number of the square of
-    the map, from 1; and how much the low mesh faces the viewer, from 0 to 1.
+    the map, from 1; and how much the low mesh faces the viewer, from 0 to 1, or -1 less that where it shows a back face and
+    the high mesh does not.
 
     Args:
         high: from `draw_high`.

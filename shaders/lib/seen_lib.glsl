@@ -10,6 +10,9 @@ const float SEEN_OTHERS = -3.0;  // a part of the low mesh that is not judged
 // Added to depths, so that 0 is what no mesh covers.
 const float SEEN_COVERED = 1.0;
 
+// Added to depths of back faces, too.
+const float SEEN_BACK = 2.0;
+
 // Renderers turn the normals of back faces to the viewer's side.
 vec3 seen_normal(vec3 normal, bool is_front)
 {

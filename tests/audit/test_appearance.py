@@ -67,6 +67,8 @@ def check_against_rays(meshes, shown, chosen, detail=SMALL):
     for name, share in (("median", 50), ("percentile_95", 95), ("percentile_99", 99)):
         assert getattr(found, name) == pytest.approx(np.percentile(degrees, share), rel=CLOSE, abs=0.03), name
     assert found.silhouette == pytest.approx(alone, rel=0.1, abs=0.002)
+    backs = seen_from_sides.backs(highs, low, views=detail.views, side=detail.side)
+    assert found.backs == pytest.approx(backs, rel=CLOSE, abs=0.002)
     assert found.distance == pytest.approx(np.percentile(distances, 99), rel=CLOSE, abs=1e-4)
     return found
 
@@ -137,6 +139,37 @@ def test_assets_are_measured_as_rays_see_them(name, monkeypatch):
     low = bpy.data.objects[report.low]
     found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(5, 160))
     print(name, found)
+
+
+def turned(obj, share):
+    """`obj` with a share of its faces turned over, from the last one."""
+    count = round(share * len(obj.data.polygons))
+    for polygon in list(obj.data.polygons)[len(obj.data.polygons) - count :]:
+        polygon.flip()
+    obj.data.update()
+    return obj
+
+
+@pytest.mark.parametrize(("low", "high", "backs"), [(0.0, 0.0, 0.0), (1.0, 0.0, 1.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)])
+def test_back_faces_that_the_high_mesh_does_not_show_are_counted(low, high, backs):
+    chosen = settings(space="OBJECT")
+    meshes = reading.read(bpy.context, turned(zoo.cube("low"), low), [turned(zoo.cube("high"), high)], None, chosen)
+    found = seen(meshes, None)
+    assert found.backs == pytest.approx(backs, abs=0.002) and found.silhouette == 0.0
+    assert found.distance < 1e-5
+
+
+@pytest.mark.parametrize("name", ["ball", "roof"])
+def test_some_back_faces_are_counted_as_rays_see_them(name):
+    high = HIGHS[name]()
+    low = turned(zoo.sphere("low", 7) if name == "ball" else zoo.mirrored("low", 4, slope=0.5), 0.4)
+    low.location.x += 0.3
+    bpy.context.view_layer.update()
+    meshes = reading.read(bpy.context, low, [high], None, settings(space="OBJECT"))
+    found = seen(meshes, None, Detail(6, 160))
+    surfaces = [seen_from_sides.Surface.of(mesh) for mesh in (*meshes.highs, meshes.low)]
+    expected = seen_from_sides.backs(surfaces[:-1], surfaces[-1], views=6, side=160)
+    assert expected > 0.1 and found.backs == pytest.approx(expected, rel=CLOSE)
 
 
 # What raises it

@@ -83,6 +83,24 @@ def measured(highs, low, shown=None, *, views=6, side=96):
     return np.concatenate(degrees), alone / either, np.concatenate(distances)
 
 
+def backs(highs, low, *, views=6, side=96):
+    """The share of the pixels that either covers at which the low one shows a back face, and no high one does."""
+    everything = np.concatenate([each.points.reshape(-1, 3) for each in (*highs, low)])
+    center = (everything.min(axis=0) + everything.max(axis=0)) / 2.0
+    radius, shown, either = np.linalg.norm(everything - center, axis=1).max(), 0, 0
+    high = np.concatenate([each.points for each in highs])
+    for towards in fibonacci(views):
+        is_back, covered = [], []
+        for points in (high, low.points):
+            owner, _ = raster.rasterize(points, _matrix(towards, center, radius), (side, side))
+            a, b, c = np.moveaxis(points, 1, 0)
+            is_back.append(((np.cross(b - a, c - a) @ towards) < 0.0)[owner] & (owner >= 0))
+            covered.append(owner >= 0)
+        shown += np.count_nonzero(is_back[1] & ~is_back[0])
+        either += np.count_nonzero(covered[0] | covered[1])
+    return shown / either
+
+
 def _matrix(towards, center, radius):
     """From world space to a picture whose third coordinate is the distance from the viewer's plane, in world units."""
     aside = np.eye(3)[np.argmin(np.abs(towards))]

@@ -39,7 +39,8 @@ QUICK_SIDE, SIDE = 1024, 2048
 NOT_DRAWN = 100.0
 """The excess of a low mesh that cannot be judged: it is far beyond any limit."""
 SILHOUETTE_PENALTY_DEGREES = 90.0
-"""The degrees for which a pixel of the high or the low mesh alone counts, where ways to make a low mesh are compared."""
+"""The degrees for which a pixel of the high or the low mesh alone, or of a back face, counts, where ways to make a low mesh are
+compared."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ class Seen:
         """How wrong it looks, in degrees."""
         if self.appearance is None:
             return 0.0 if self.is_drawn else math.inf
-        silhouette = self.appearance.silhouette
-        return (1.0 - silhouette) * self.appearance.mean + SILHOUETTE_PENALTY_DEGREES * silhouette
+        wrong = min(1.0, self.appearance.silhouette + self.appearance.backs)
+        return (1.0 - wrong) * self.appearance.mean + SILHOUETTE_PENALTY_DEGREES * wrong
 
 
 class AppearanceJudge:
