@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core import foreach
 from ..core.progress import Progress, Task
-from ..mesh import topology, uv_crossings, uv_stretch
+from ..mesh import topology, uv_crossings, uv_stretch, uv_strips
 from ..mesh.topology import numbered
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.uv_charts import ChartOptions, Charts
@@ -109,6 +109,15 @@ class Flattener:
         """With less stretch, where Blender finds some."""
         return (yield from self._unwrapped(flattened, ~self.charts.is_flat(flattened.labels), STRETCH))
 
+    def straightened(self, flattened: Flattened) -> Flattened:
+        """With grids of quads as rectangles."""
+        uv = uv_strips.straighten(self.mesh, flattened.uv, flattened.nodes, flattened.labels[self.mesh.faces])
+        is_new = np.zeros(len(flattened.stretch), bool)
+        islands, triangles = flattened.labels[self.mesh.faces], self.mesh.triangles
+        is_new[islands[(uv != flattened.uv)[triangles].any(axis=(1, 2))]] = True
+        straight = self._measured(flattened.labels, uv, flattened.nodes)
+        return self._taken(flattened, straight, is_new & ~straight.is_bad)
+
     def joined(self, levels: list[Flattened], level: np.ndarray, labels: np.ndarray) -> Flattened:
         """Charts from several levels. level: (F,) int, from which each face is. labels: (F,) int, of all together."""
         uv, nodes = np.zeros_like(levels[0].uv), np.zeros_like(levels[0].nodes)
@@ -190,7 +199,10 @@ class Flattener:
 
     def _better(self, one: Flattened, other: Flattened, chosen: np.ndarray) -> Flattened:
         """Those of `one`, and of the chosen charts the ones of `other` that have less stretch."""
-        chosen = chosen & (other.stretch < one.stretch)
+        return self._taken(one, other, chosen & (other.stretch < one.stretch))
+
+    def _taken(self, one: Flattened, other: Flattened, chosen: np.ndarray) -> Flattened:
+        """Those of `one`, and the chosen charts of `other`."""
         uv = one.uv.copy()
         corners = topology.ranges(self._starts, self._sizes)
         corners = corners[np.repeat(chosen[one.labels], self._sizes)]

@@ -40,6 +40,8 @@ PRICES = (0.4, 1.0, 2.5)
 """What borders cost, as factors on their price: what packing makes of them shows when it is done."""
 CLOSE = 0.97
 """Of ways that reach this share of the best figure, the one with the fewest islands is taken."""
+STRAIGHT = 0.98
+"""Strips are straight if that leaves this share of the figure."""
 ANGLE = np.radians(66.0)
 """The angle between faces from which Smart Project cuts, as Blender has it."""
 
@@ -140,8 +142,8 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool =
         ways = yield from part(unwrapping.ways(is_quick=is_quick), 0.0, 0.6)
         packed = []
         for done, way in enumerate(ways):
-            yield Progress("Packing UV islands", 0.6 + 0.2 * done / len(ways))
-            packed.append(unwrapping.packed(way, is_quick=True))
+            here, there = (0.6 + 0.2 * step / len(ways) for step in (done, done + 1))
+            packed.append((yield from part(unwrapping.packed(way, is_quick=True), here, there)))
         most = max(each.layout.figure for each in packed)
         best = min(
             (each for each in packed if each.layout.figure >= CLOSE * most),
@@ -149,8 +151,12 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool =
         )
         if not is_quick:
             way = yield from part(unwrapping.relaxed(best.way), 0.8, 0.9)
-            yield Progress("Packing UV islands", 0.9)
-            best = max(best, unwrapping.packed(way), key=lambda each: each.layout.figure)
+            last = yield from part(unwrapping.packed(way), 0.9, 0.95)
+            best = max(best, last, key=lambda each: each.layout.figure)
+            straight = unwrapping.straightened(best.way)
+            if straight is not None:
+                last = yield from part(unwrapping.packed(straight), 0.95, 1.0)
+                best = last if last.layout.figure >= STRAIGHT * best.layout.figure else best
         return best
 
 
@@ -236,11 +242,17 @@ class _Unwrapping:
         """With less stretch."""
         return replace(way, flattened=(yield from self._flattener.relaxed(way.flattened)))
 
-    def packed(self, way: Unwrapped, *, is_quick: bool = False) -> Packed:
+    def straightened(self, way: Unwrapped) -> Unwrapped | None:
+        """With strips of quads that are straight; None if there are none that were not."""
+        flattened = self._flattener.straightened(way.flattened)
+        return None if np.array_equal(flattened.uv, way.flattened.uv) else replace(way, flattened=flattened)
+
+    def packed(self, way: Unwrapped, *, is_quick: bool = False) -> Task[Packed]:
         """Pack a way's islands."""
         triangles, flattened = self._mesh.triangles, way.flattened
         islands = flattened.labels[self._mesh.faces]
-        uv = uv_packing.pack(flattened.uv, triangles, PackOptions(margin(self._sampling), islands, is_quick))
+        options = PackOptions(margin(self._sampling), islands, is_quick)
+        uv = yield from uv_packing.work(flattened.uv, triangles, options)
         if uv is None:
             uv = self._boxed(flattened.uv)
         uv = uv.astype(np.float32)

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..core.progress import Progress, Task, finish, part
 from . import topology, uv_cells
 from .topology import EdgeTable
 from .triangles import checked
@@ -73,7 +74,7 @@ class PackOptions:
 
 
 def pack(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptions()) -> np.ndarray | None:
-    """Pack islands into the map from 0 to 1, all by the same factor.
+    """Pack islands into the map from 0 to 1, all by the same factor: `work`, done at once.
 
     >>> uv = np.array([(0, 0), (3, 0), (0, 1), (7, 7), (9, 7), (9, 8)], float)  # two triangles
     >>> packed = pack(uv, np.arange(6).reshape(2, 3), PackOptions(margin=0.01))
@@ -88,6 +89,11 @@ def pack(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptio
     Returns:
         The new UVs (C, 2) float64; None if islands do not fit.
     """
+    return finish(work(uv, triangles, options))
+
+
+def work(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptions()) -> Task[np.ndarray | None]:
+    """`pack` in steps, one for each order of islands that is tried."""
     if getattr(uv, "dtype", None) in (np.float32, np.float64) and not np.isfinite(uv).all():  # of faces without an area
         return None
     uv, triangles = checked(uv, triangles, 2)
@@ -96,7 +102,7 @@ def pack(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptio
         islands, _ = topology.components(tuple(triangles.T), len(uv))
     if not len(triangles):
         return None
-    places = _Search(uv[triangles].astype(np.float64), islands, options).best()
+    places = yield from _Search(uv[triangles].astype(np.float64), islands, options).best()
     if places is None:
         return None
     of_uvs = np.zeros(len(uv), np.int64)
@@ -261,16 +267,17 @@ class _Search:
         self.cell = (1.0 - between) / max(self.side, 1)
         self.gap = int(np.ceil(between / self.cell * (1.0 - 1e-9)))
 
-    def best(self) -> _Places | None:
+    def best(self) -> Task[_Places | None]:
         """Where islands go at the largest size that is found."""
         if not self.areas.sum() > 0.0 or self.side < 1:
             return None
         least = self.side * np.sqrt(LEAST_SHARE / self.areas.sum())
         size = max(self._size(FULL * self.side**2), least)
-        best, smallest_too_large, work, tries = None, np.inf, 0, 0
+        best, smallest_too_large, work, tries, done = None, np.inf, 0, 0, 0.0
         while True:
-            height, found, placed = self._try(size)
+            height, found, placed = yield from part(self._try(size), done, done)
             work, tries = work + placed, tries + 1
+            done = max(done, min(0.9, max(work / WORK, tries / (2.0 * TRIES))))
             following = self._size(self._need(size) * self.side / height)
             if found is None:
                 if best is None and size <= least:
@@ -301,13 +308,14 @@ class _Search:
         around = self.gap + ROUNDING
         return [float(self.areas.sum()), float(self.extents.sum()) * around, self.count * around**2]
 
-    def _try(self, size: float) -> tuple[float, _Places | None, int]:
+    def _try(self, size: float) -> Task[tuple[float, _Places | None, int]]:
         """Pack at a size. Returns how high the strip is filled, where islands go if they fit, and how many items were placed
         in all orders that were tried."""
         lowest, work, most = np.inf, 0, 1 if self.is_quick else ORDERS
         items = self._items(size, *WAYS[0])
         directions = self._directions(items)
         for k in range(most):
+            yield Progress("Packing UV islands", 0.0)
             if k == 1 or (k and items.has_blocks):
                 items = self._items(size, *WAYS[k % len(WAYS)])
                 directions = self._directions(items)

@@ -15,27 +15,30 @@ from .topology import EdgeTable
 from .triangle_mesh import Mesh
 
 COST = 0.02
-"""An island is straightened if it needs less than this more of the map then, to be as sharp."""
+"""An island is straightened if a map of it alone then needs at most so many more texels, as a share, to be as sharp."""
 
 
-def straighten(mesh: Mesh, islands: np.ndarray) -> np.ndarray:
-    """The UVs (C, 2) of the mesh with islands that are grids of quads as rectangles along u and v, where that costs little.
+def straighten(mesh: Mesh, uv: np.ndarray, nodes: np.ndarray, islands: np.ndarray) -> np.ndarray:
+    """UVs (C, 2) float64 of which islands that are grids of quads are rectangles along u and v, where that costs little.
 
-    Rectangles have the area of their island before and the same middle; nothing is turned over.
+    Rectangles have the area of their island before and the same middle. Islands that are mirrored stay as they are.
 
     Args:
-        mesh: with UVs and faces, each with its corners in a row, in order.
+        mesh: with faces, each with its corners in a row, in order.
+        uv: (C, 2), of its corners.
+        nodes: (C,) int from 0, the UV vertex of each corner: corners that share it are connected.
         islands: (T,) int from 0, the island of each triangle.
     """
-    uv = mesh.uv.astype(np.float64)
-    grids = _grids(mesh, islands)
+    uv = uv.astype(np.float64)
+    grids = _grids(mesh, nodes, islands)
     if grids is None:
         return uv
     changed = uv.copy()
     changed[grids.corners] = _rectangles(mesh.positions[mesh.vertices].astype(np.float64), uv, grids)
     points = mesh.positions[mesh.vertices[mesh.triangles]]
-    before, after = (uv_stretch.shares(points, x[mesh.triangles], islands) for x in (uv, changed))
-    kept = grids.corners[~(after >= before * (1.0 - COST))[np.repeat(grids.islands, 4)]]  # also where it has no area
+    before, after = (uv_stretch.needs(points, x[mesh.triangles], islands) for x in (uv, changed))
+    is_better = ~after.is_folded & (after.need**2 <= before.need**2 * (1.0 + COST))
+    kept = grids.corners[~is_better[np.repeat(grids.islands, 4)]]
     changed[kept] = uv[kept]
     return changed
 
@@ -57,7 +60,7 @@ class _Grids:
     sides: np.ndarray
 
 
-def _grids(mesh: Mesh, islands: np.ndarray) -> _Grids | None:
+def _grids(mesh: Mesh, nodes: np.ndarray, islands: np.ndarray) -> _Grids | None:
     """The islands that are grids; None if there is none."""
     faces = int(mesh.faces.max(initial=-1)) + 1
     corners = np.unique(mesh.triangles)
@@ -71,8 +74,7 @@ def _grids(mesh: Mesh, islands: np.ndarray) -> _Grids | None:
     if not len(corners):
         return None
     of = of_faces[owner[corners[::4]]]
-    rows = np.stack([mesh.vertices[corners].astype(np.uint64), mesh.uv.view(np.uint64)[corners, 0]], axis=1)
-    used, nodes = topology.numbered(topology.first_rows(rows))
+    used, nodes = topology.numbered(nodes[corners])
     edges = EdgeTable.of_sides(nodes, np.roll(nodes.reshape(-1, 4), -1, axis=1).reshape(-1))
     is_grid &= _are_grids(edges, nodes, of, len(used), count)
     chosen = np.repeat(is_grid[of], 4)
