@@ -10,6 +10,7 @@ farther; without the memory of edges whose ends stayed 1.10 s.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -30,6 +31,10 @@ LEAST_COSINE, LEAST_QUALITY = 0.3, 0.06
 equilateral one: collapses that make worse triangles are refused."""
 IDLE = 60
 """Rounds without a collapse after which it ends. Each of them refuses some edges, and the next one tries others."""
+
+
+Quadrics: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances from planes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,7 @@ def collapse(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions
     points, triangles = checked(points, triangles)
     if not len(triangles):
         return np.zeros((0, 3)), triangles.astype(np.int64)
-    center, size = _box(points)
+    center, size = box(points)
     state = _run(points, triangles, options)
     used, numbers = topology.numbered(state.triangles)
     return state.points[used] * size + center, numbers
@@ -98,39 +103,42 @@ def partial_collapse(points: np.ndarray, triangles: np.ndarray, options: Collaps
     return PartialCollapse(state.points, state.triangles, state.of_vertex)
 
 
-def _run(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> "_State":
+def _run(points: np.ndarray, triangles: np.ndarray, options: CollapseOptions) -> "State":
     weights = np.ones(len(triangles)) if options.weights is None else options.weights
-    state = _State.of(points, triangles, weights)
+    state = State.of(points, triangles, weights)
     if options.start is not None:
         state.resume(options.start)
     state.run(options.triangles)
     return state
 
 
-def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
+def box(points: np.ndarray) -> tuple[np.ndarray, float]:
     """The mean of points, and the longest side of the box around them."""
     return points.mean(axis=0, dtype=np.float64), max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-30)
 
 
-class _State:
+class State:
     """A mesh on its way, as PartialCollapse has it."""
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray):
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, quadrics: Quadrics):
         self.points, self.triangles, self._round = points, triangles, 0
         self.of_vertex = np.arange(len(points))
+        self._is_stuck = False
+        """Whether no edge may collapse any more."""
         self._refused, self._since = np.zeros((2, 0), np.int64)
         """The keys of edges whose collapse was refused, and in which rounds."""
         self._changed = np.zeros(len(points), np.int64)
         """The rounds in which the vertices, or those beside them, were last moved."""
-        self._planes, self._offsets, self._constants = _quadrics(points, triangles, weights)
+        self._planes, self._offsets, self._constants = quadrics
         self._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         """The keys of edges, in order, and their optimal placements when both of their ends were as they are now."""
 
     @classmethod
-    def of(cls, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> "_State":
+    def of(cls, points: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> "State":
         """Of a mesh as it is. Its points are moved, so that sums of squares stay exact."""
-        center, size = _box(points)
-        return cls((points.astype(np.float64) - center) / size, triangles.astype(np.int64), weights)
+        center, size = box(points)
+        points, triangles = (points.astype(np.float64) - center) / size, triangles.astype(np.int64)
+        return cls(points, triangles, _quadrics(points, triangles, weights))
 
     def resume(self, start: PartialCollapse) -> None:
         """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""
@@ -140,13 +148,13 @@ class _State:
             values[:] = 0.0
             np.add.at(values, self.of_vertex, own)
 
-    def run(self, wanted: int) -> None:
-        """Collapse edges until about `wanted` triangles are left."""
-        idle = 0
-        while len(self.triangles) > wanted and idle < IDLE:
-            idle = 0 if self.step(wanted) else idle + 1
+    def run(self, wanted: int, most: float = np.inf) -> None:
+        """Collapse edges until about `wanted` triangles are left, or none costs `most` or less."""
+        idle, self._is_stuck = 0, False
+        while len(self.triangles) > wanted and idle < IDLE and not self._is_stuck:
+            idle = 0 if self.step(wanted, most) else idle + 1
 
-    def step(self, wanted: int) -> bool:
+    def step(self, wanted: int, most_cost: float = np.inf) -> bool:
         """Collapse some edges. Returns whether any did."""
         self._round += 1
         edges = EdgeTable.of(self.triangles, len(self.points))
@@ -159,8 +167,14 @@ class _State:
         is_allowed &= ~np.isin(edges.keys, self._refused)
         chosen = np.flatnonzero(is_allowed)
         if not len(chosen):
+            self._is_stuck = True
             return False
         places, costs = self._optimal_placements(edges.keys[chosen], edges.ends[chosen])
+        is_cheap = costs <= most_cost
+        if not is_cheap.any():
+            self._is_stuck = True
+            return False
+        chosen, places, costs = chosen[is_cheap], places[is_cheap], costs[is_cheap]
         most = max(1, int(AT_ONCE * len(costs)))
         cheapest = np.flatnonzero(costs <= np.partition(costs, most - 1)[most - 1])
         order = cheapest[np.argsort(costs[cheapest], kind="stable")][:most]
@@ -250,16 +264,20 @@ class _State:
         number = owners[kept].max(axis=1)
         before = self.points[self.triangles[kept]]
         after = np.where((owners[kept] >= 0)[..., None], places[number][:, None], before)
-        old, new = face_normals(before), face_normals(after)
-        old_area, new_area = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-        is_bad = (old * new).sum(axis=1) < LEAST_COSINE * old_area * new_area
-        is_bad |= _quality(after, new_area) < np.minimum(LEAST_QUALITY, 0.5 * _quality(before, old_area))
-        is_good[number[is_bad]] = False
+        is_good[number[self._is_spoiled(kept, before, after)]] = False
         # Nor may two triangles come to one place, as those of a tetrahedron.
         others = np.sort(self.triangles[kept][owners[kept] < 0].reshape(-1, 2), axis=1)
         is_again = topology.first_rows(np.column_stack([number, others])) != np.arange(len(number))
         is_good[number[is_again]] = False
         return is_good
+
+    def _is_spoiled(self, which: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Which of some triangles (N,) int would turn too far or become too thin, (N,) bool. before, after: their corners
+        (N, 3, 3)."""
+        old, new = face_normals(before), face_normals(after)
+        old_area, new_area = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+        is_turned = (old * new).sum(axis=1) < LEAST_COSINE * old_area * new_area
+        return is_turned | (quality(after, new_area) < np.minimum(LEAST_QUALITY, 0.5 * quality(before, old_area)))
 
     def _collapse(self, ends: np.ndarray, places: np.ndarray) -> None:
         a, b = ends.T
@@ -275,36 +293,43 @@ class _State:
         new[b] = a
         self.of_vertex = new[self.of_vertex]
         triangles = new[self.triangles]
-        self.triangles = triangles[topology.has_corners(triangles)]
+        self._keep(triangles, topology.has_corners(triangles))
+
+    def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
+        """Take some (T,) bool of new triangles (T, 3)."""
+        self.triangles = triangles[which]
 
 
-def _quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
+def quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
     """1 for equilateral triangles, 0 for lines."""
     squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
     return 2.0 * np.sqrt(3.0) * twice_areas / np.maximum(squares, 1e-300)
 
 
-def _quadrics(
-    points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The quadrics of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances.
-
-    of_faces: (T,), the weights of triangles.
-    """
+def _quadrics(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:
+    """The quadrics of triangles and open edges. of_faces: (T,), the weights of triangles."""
     corners = points[triangles]
     normals, lengths = unit_normals(corners)
-    vertices, planes, through, weights = [triangles], [normals], [corners[:, 0]], [of_faces * lengths / 6.0]
+    inner = triangles, normals, corners[:, 0], of_faces * lengths / 6.0
+    return summed([inner, border_planes(points, triangles, normals, of_faces)], len(points))
+
+
+def border_planes(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray, of_faces: np.ndarray) -> tuple:
+    """Planes through open edges, across their triangles, as `summed` takes them. normals: (T, 3). of_faces: (T,)."""
     edges = EdgeTable.of(triangles)
     side = np.sort(edges.alone)
     face, ends = side // 3, np.stack([edges.first[side], edges.last[side]], axis=1)
     along = points[ends[:, 1]] - points[ends[:, 0]]
     across = unit(np.cross(along, normals[face]))
-    vertices.append(ends)
-    planes.append(across)
-    through.append(points[ends[:, 0]])
-    weights.append(BORDER * of_faces[face] * (along**2).sum(axis=1))
-    result = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3)), np.zeros(len(points))
-    for of, normal, place, weight in zip(vertices, planes, through, weights, strict=True):
+    weights = BORDER * of_faces[face] * (along**2).sum(axis=1)
+    return ends, across, points[ends[:, 0]], weights
+
+
+def summed(planes: list[tuple], count: int) -> Quadrics:
+    """The quadrics of `count` vertices. planes: each of vertices (N, k) int, normals (N, 3), places on them (N, 3), and
+    weights (N,)."""
+    result = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
+    for vertices, normal, place, weight in planes:
         distance = -(normal * place).sum(axis=1)
         parts = (
             weight[:, None, None] * normal[:, :, None] * normal[:, None, :],
@@ -312,6 +337,6 @@ def _quadrics(
             weight * distance**2,
         )
         for values, part in zip(result, parts, strict=True):
-            for column in of.T:
+            for column in vertices.T:
                 np.add.at(values, column, part)
     return result

@@ -77,6 +77,13 @@ def share_alone(mesh: Mesh, places: np.ndarray) -> float:
     return float(np.mean(is_split[places[mesh.vertices[mesh.triangles]]].all(axis=1)))
 
 
+def bent(mesh: Mesh) -> float:
+    """The mean angle in degrees between the normals of corners and their faces, by area: 0 where faces are flat."""
+    faces, areas = unit_normals(mesh.positions, mesh.vertices[mesh.triangles], np.float64)
+    angles = angles_between(unit(mesh.normals[mesh.triangles].astype(np.float64)), faces[:, None])
+    return float(np.degrees((angles.mean(axis=1) * areas).sum() / max(float(areas.sum()), 1e-300)))
+
+
 def _mirrored(tangents: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """`tangents` (C, 4) with the other sign of the bitangent at some corners: with the face, its UVs are seen from behind."""
     tangents = tangents.copy()

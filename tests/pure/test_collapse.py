@@ -66,7 +66,7 @@ def test_triangles_of_three_on_an_edge_stay():
 
 
 def test_what_is_known_of_edges_stays_true():
-    state = collapse._State.of(*sphere(24), np.ones(len(sphere(24)[1])))
+    state = collapse.State.of(*sphere(24), np.ones(len(sphere(24)[1])))
     state.run(500)
     keys, *known = state._known
     assert len(keys) > 300
@@ -79,7 +79,7 @@ def test_what_is_known_of_edges_stays_true():
 def test_a_mesh_on_its_way_stands_for_all_faces():
     points, triangles = sphere(24)
     weights = 1.0 + (points[triangles].mean(axis=1)[:, 2] > 0.0)
-    whole, again = (collapse._State.of(points, triangles, weights) for _ in range(2))
+    whole, again = (collapse.State.of(points, triangles, weights) for _ in range(2))
     whole.run(900)
     again.resume(collapse.partial_collapse(points, triangles, CollapseOptions(900, weights)))
     used = np.unique(whole.triangles)

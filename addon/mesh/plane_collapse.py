@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes machine parts coarser: planes stay planes, their straight edges straight, and what is too small is closed.
+
+Vertices collapse to neighbors, by the squares of distances from the planes that they lie on, each by the area of the whole
+plane. So one in a plane moves within it, one at an edge along it, and what is small goes first. Holes, pockets and bosses whose
+rims lie in planes are closed once that costs less than to keep them coarser.
+
+Found by no paper. Tried: quadrics by the area of triangles alone bend large planes that are cut into thin triangles; limited
+dissolving keeps every screw hole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import collapse, flips, polygons, topology
+from .collapse import State
+from .planes import LARGE, Planes
+from .topology import EdgeTable
+from .triangles import checked, face_areas, face_normals, unit
+
+FIRST_COST, MOST_COST, FACTOR = 1e-10, 16.0, 2.0
+"""The least and the most costs to which a mesh is collapsed, and the factor from each to the next, for a box whose longest side
+is 1: areas by squares of distances."""
+LEAST_COSINE, LEAST_QUALITY = 0.2, 1e-3
+"""The least cosine between a triangle's normals before and after, and its least quality, as in collapse.py: thin ones do no
+harm in a plane."""
+LEAST_LEFT = 0.99
+"""The share of the wanted triangles that is left at least when something is closed."""
+FINER = 4.0, 64.0
+"""By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow."""
+
+
+@dataclass(frozen=True, eq=False)
+class OnPlanes:
+    """A coarse mesh of a machine part.
+
+    Attributes:
+        points: (P, 3) float64.
+        triangles: (N, 3) int64.
+        of: (N,) int, the triangle of the surface that each one comes from, or whose plane it continues.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    of: np.ndarray
+
+
+def collapse_on_planes(points: np.ndarray, triangles: np.ndarray, planes: Planes, wanted: int) -> OnPlanes:
+    """A mesh of about `wanted` triangles, or of more where no edge can collapse.
+
+    >>> coarse = collapse_on_planes(points, triangles, planes(points, triangles), 12)
+    >>> len(coarse.triangles) <= 12
+    True
+
+    Args:
+        points: (V, 3) float.
+        triangles: (T, 3) int, with shared vertices, and areas above 0.
+        planes: of the triangles.
+        wanted: how many are left.
+    """
+    points, triangles = checked(points, triangles)
+    center, size = collapse.box(points)
+    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size)
+    cost = FIRST_COST
+    state.run(wanted, cost)
+    while len(state.triangles) > wanted and cost < MOST_COST:
+        cost *= FACTOR
+        for factor in FINER:
+            state.close(wanted, cost, factor)
+        state.run(wanted, cost)
+    left = state.triangles
+    if len(left) < len(triangles):
+        left = flips.delaunay(state.points, left, planes.of[state.of])
+    used, numbers = topology.numbered(left)
+    return OnPlanes(state.points[used] * size + center, numbers, state.of)
+
+
+class _State(State):
+    """A mesh on its way."""
+
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, planes: Planes, size: float):
+        self._plane_of, self._normals, self._areas = planes.of, planes.normals, planes.areas / size**2
+        self._is_large = self._areas > LARGE * self._areas.sum()
+        self.of = np.arange(len(triangles))
+        super().__init__(points, triangles, self._quadrics(points, triangles, planes.of))
+
+    def close(self, wanted: int, most: float, factor: float) -> None:
+        """Close what costs up to `most` for each vertex, as long as more than `wanted` triangles are left, cheapest first."""
+        of = self._plane_of[self.of]
+        is_small = self._areas[of] < factor * np.sqrt(most)
+        if not is_small.any() or is_small.all():
+            return
+        found = _Openings.of(self.points, self.triangles, is_small, of, self._normals)
+        costs = found.costs()
+        order = np.flatnonzero(found.is_closable & (costs <= most))
+        order = order[np.argsort(costs[order], kind="stable")]
+        left = len(self.triangles) - np.cumsum(2 * found.vertex_counts[order])
+        order = order[: 1 + np.searchsorted(-left, -wanted)]
+        order = order[len(self.triangles) - np.cumsum(found.gains()[order]) >= LEAST_LEFT * wanted]
+        if not len(order):
+            return
+        is_closed = np.zeros(len(found.is_closable), bool)
+        is_closed[order] = True
+        caps, beside = found.caps(is_closed)
+        stays = ~(is_small & is_closed[found.labels])
+        around = np.unique(caps)
+        self.triangles = np.concatenate([self.triangles[stays], caps])
+        self.of = np.concatenate([self.of[stays], self.of[beside]])
+        # The planes of what is closed hold its rim no more.
+        touches = np.isin(self.triangles, around).any(axis=1)
+        anew = self._quadrics(self.points, self.triangles[touches], self._plane_of[self.of[touches]], border=False)
+        for values, new in zip((self._planes, self._offsets, self._constants), anew, strict=True):
+            values[around] = new[around]
+        self._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+        self._changed[around] = self._round + 1
+
+    def _quadrics(
+        self, points: np.ndarray, triangles: np.ndarray, of: np.ndarray, *, border: bool = True
+    ) -> collapse.Quadrics:
+        """Those of the planes (T,) int of triangles: each counts once at a vertex, by its whole area."""
+        count = len(self._areas)
+        pairs = np.unique(triangles * count + of[:, None])
+        vertices, which = np.divmod(pairs, count)
+        parts = [(vertices[:, None], self._normals[which], points[vertices], self._areas[which])]
+        if border:
+            parts.append(collapse.border_planes(points, triangles, self._normals[of], np.ones(len(triangles))))
+        return collapse.summed(parts, len(points))
+
+    def _new_placements(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        a, b = ends.T
+        planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
+        constants = self._constants[a] + self._constants[b]
+        places = self.points[ends]
+        costs = np.einsum("eki,eij,ekj->ek", places, planes, places) + constants[:, None]
+        costs += 2.0 * np.einsum("ei,eki->ek", offsets, places)
+        better = costs.argmin(axis=1)
+        lengths = ((places[:, 0] - places[:, 1]) ** 2).sum(axis=1)
+        each = np.arange(len(ends))
+        return places[each, better], np.maximum(costs[each, better], 0.0) + 1e-14 * lengths
+
+    def _is_spoiled(self, which: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        of = self._plane_of[self.of[which]]
+        old, new = face_normals(before), face_normals(after)
+        old_areas, new_areas = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+        old_quality = collapse.quality(before, old_areas)
+        is_of_plane = self._is_large[of] | (old_quality < LEAST_QUALITY)
+        towards = np.where(is_of_plane[:, None], self._normals[of], unit(old))
+        is_turned = (towards * new).sum(axis=1) < LEAST_COSINE * new_areas
+        return is_turned | (collapse.quality(after, new_areas) < np.minimum(LEAST_QUALITY, 0.5 * old_quality))
+
+    def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
+        super()._keep(triangles, which)
+        self.of = self.of[which]
+
+
+@dataclass(frozen=True, eq=False)
+class _Openings:
+    """Connected parts of small triangles, and the loops around them.
+
+    Attributes:
+        labels: (T,) int, the part of each triangle; without meaning for those that are not small.
+        sides: (S,) int, the sides of other triangles along the parts, as EdgeTable has them.
+        loops: (S,) int, the loop of each side, from 0.
+        of_loop: (L,) int, the part of each loop.
+        is_closable: (K,) bool, which parts can be closed: each loop goes around a hole of one plane.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    is_small: np.ndarray
+    labels: np.ndarray
+    table: EdgeTable
+    sides: np.ndarray
+    loops: np.ndarray
+    of_loop: np.ndarray
+    normals: np.ndarray
+    is_closable: np.ndarray
+
+    @classmethod
+    def of(
+        cls, points: np.ndarray, triangles: np.ndarray, is_small: np.ndarray, of: np.ndarray, normals: np.ndarray
+    ) -> "_Openings":
+        """is_small: (T,) bool. of: (T,) int, their planes, of normals (P, 3)."""
+        table = EdgeTable.of(triangles, len(points))
+        one, other = table.pairs
+        both = is_small[one // 3] & is_small[other // 3]
+        roots = topology.connected(len(triangles), one[both] // 3, other[both] // 3)
+        small = np.flatnonzero(is_small)
+        used, numbers = topology.numbered(roots[small])
+        labels = np.full(len(triangles), -1)
+        labels[small] = numbers
+        is_closable = np.ones(len(used), bool)
+        # What is open, or where more than two meet, stays.
+        odd = table.sides[np.repeat(table.counts != 2, table.counts)] // 3
+        is_closable[labels[odd[is_small[odd]]]] = False
+        against = one[table.is_against] // 3, other[table.is_against] // 3
+        for each in against:
+            is_closable[labels[each[is_small[each]]]] = False
+        is_rim = is_small[one // 3] != is_small[other // 3]
+        inner = np.where(is_small[one // 3], one, other)[is_rim]
+        sides = np.where(is_small[one // 3], other, one)[is_rim]
+        part = labels[inner // 3]
+        nodes = np.stack([part * len(points) + table.first[sides], part * len(points) + table.last[sides]])
+        places, ends = np.unique(nodes, return_inverse=True)
+        ends = ends.reshape(nodes.shape)
+        _, loops = topology.numbered(topology.connected(len(places), *ends)[ends[0]])
+        count = int(loops.max(initial=-1)) + 1
+        of_loop, plane = np.zeros((2, count), np.int64)
+        of_loop[loops], plane[loops] = part, of[sides // 3]
+        is_good = np.ones(count, bool)
+        is_good[loops[plane[loops] != of[sides // 3]]] = False
+        for end in ends:  # each place once
+            is_good[loops[np.bincount(end, minlength=len(places))[end] != 1]] = False
+        start, stop = points[table.first[sides]], points[table.last[sides]]
+        areas = np.bincount(loops, (np.cross(start, stop) * normals[of[sides // 3]]).sum(axis=1), count)
+        is_good &= areas < 0.0
+        is_closable[of_loop[~is_good]] = False
+        has_loop = np.zeros(len(used), bool)
+        has_loop[of_loop] = True
+        return cls(
+            points, triangles, is_small, labels, table, sides, loops, of_loop, normals[plane], is_closable & has_loop
+        )
+
+    @property
+    def vertex_counts(self) -> np.ndarray:
+        """How many vertices (K,) each part has."""
+        small = np.flatnonzero(self.is_small)
+        pairs = np.unique(self.labels[small, None] * len(self.points) + self.triangles[small])
+        return np.bincount(pairs // len(self.points), minlength=len(self.is_closable))
+
+    def gains(self) -> np.ndarray:
+        """How many triangles (K,) fewer there are at once if a part is closed."""
+        count = len(self.is_closable)
+        caps = np.bincount(self.of_loop, np.bincount(self.loops, minlength=len(self.of_loop)) - 2, count)
+        return np.bincount(self.labels[self.is_small], minlength=count) - caps
+
+    def costs(self) -> np.ndarray:
+        """What it costs (K,) to close each part, for each vertex that goes: its area, by the square of its least radius."""
+        small, count = np.flatnonzero(self.is_small), len(self.is_closable)
+        labels, corners = self.labels[small], self.points[self.triangles[small]]
+        areas = face_areas(corners)
+        total = np.maximum(np.bincount(labels, areas, count), 1e-300)
+        middles = topology.sums_of(labels, corners.mean(axis=1) * areas[:, None], count) / total[:, None]
+        away = corners - middles[labels][:, None]
+        spread = topology.sums_of(labels, np.einsum("tki,tkj,t->tij", away, away, areas / 3.0).reshape(-1, 9), count)
+        least = np.linalg.eigvalsh((spread / total[:, None]).reshape(-1, 3, 3))[:, 0]
+        return 2.0 * total * np.maximum(least, 0.0) / np.maximum(self.vertex_counts, 1)
+
+    def caps(self, is_closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Triangles (C, 3) in the loops of closed parts (K,) bool, and a triangle (C,) int beside each loop."""
+        chosen = np.flatnonzero(is_closed[self.of_loop[self.loops]])
+        loops = self.loops[chosen]
+        # Caps run against the sides of the triangles beside them.
+        first, last = self.table.last[self.sides[chosen]], self.table.first[self.sides[chosen]]
+        caps, of = polygons.triangulated(self.points, first, last, loops, self.normals)
+        beside = np.zeros(len(self.of_loop), np.int64)
+        beside[loops] = self.sides[chosen] // 3
+        return caps, beside[of]

@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Planes, and coarse meshes that keep them: closed forms of plates with holes, and each step against a plain oracle."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import flips, hard_edges, polygons
+from addon.mesh.plane_collapse import collapse_on_planes
+from addon.mesh.planes import planes
+from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import enclosed_volumes, face_areas, unit_normals
+from addon.mesh.welding import weld
+
+SEGMENTS = 32
+
+
+def quads(rows):
+    """The triangles of quads (N, 4)."""
+    rows = np.asarray(rows)
+    return np.concatenate([rows[:, :3], rows[:, [0, 2, 3]]])
+
+
+def band(lower, upper):
+    """The points and quads between two closed loops (N, 3), facing outwards where they run to the left and `upper` is above."""
+    here = np.arange(len(lower))
+    ahead = np.roll(here, -1)
+    return np.concatenate([lower, upper]), quads(np.stack([here, ahead, ahead + len(lower), here + len(lower)], axis=1))
+
+
+def soup(*parts):
+    """One welded mesh of several (points, triangles)."""
+    points, triangles, count = [], [], 0
+    for some, faces in parts:
+        points.append(some)
+        triangles.append(faces + count)
+        count += len(some)
+    return weld(np.concatenate(points).astype(np.float32), np.concatenate(triangles))
+
+
+def ring(radius, z, segments=SEGMENTS):
+    angles = 2.0 * np.pi * (np.arange(segments) + 0.5) / segments
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(segments, z)], axis=1)
+
+
+def square(side, z, segments=SEGMENTS):
+    """A square whose outline has as many points as a ring, among them its corners."""
+    steps = np.arange(segments // 4) / (segments // 4)
+    edge = np.stack([np.ones_like(steps), 2.0 * steps - 1.0], axis=1)
+    turns = [edge @ np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), turn) for turn in range(4)]
+    return np.column_stack([0.5 * side * np.concatenate(turns), np.full(segments, z)])
+
+
+def fan(loop):
+    """A flat part of a mesh, from the middle of a loop."""
+    here = np.arange(len(loop))
+    return np.concatenate([loop, loop.mean(axis=0, keepdims=True)]), np.stack(
+        [here, np.roll(here, -1), np.full(len(loop), len(loop))], axis=1
+    )
+
+
+def turned(part):
+    points, triangles = part
+    return points, triangles[:, ::-1]
+
+
+def plate_with_hole(radius=0.1, height=0.2):
+    """A square plate of side 2, with a round hole through its middle."""
+    low, high = square(2.0, 0.0), square(2.0, height)
+    inner_low, inner_high = ring(radius, 0.0), ring(radius, height)
+    return soup(
+        band(low, high), turned(band(inner_low, inner_high)), band(high, inner_high), turned(band(low, inner_low))
+    )
+
+
+def plate_with_round(radius=0.1, depth=0.05, height=0.2):
+    """A square plate of side 2, with a round pocket, or a boss for a depth below 0."""
+    low, high = square(2.0, 0.0), square(2.0, height)
+    rim, floor = ring(radius, height), ring(radius, height - depth)
+    return soup(band(low, high), band(high, rim), band(rim, floor), fan(floor), turned(fan(low)))
+
+
+def volume(points, triangles):
+    return enclosed_volumes(points.astype(np.float64), triangles).sum() / 6.0
+
+
+def is_closed(triangles):
+    table = EdgeTable.of(triangles)
+    return bool((table.counts == 2).all()) and not table.is_against.any()
+
+
+def coarse(mesh, wanted):
+    return collapse_on_planes(*mesh, planes(*mesh), wanted)
+
+
+def test_planes_of_a_plate_with_a_hole():
+    points, triangles = plate_with_hole()
+    found = planes(points, triangles)
+    assert len(found.areas) == 6 + SEGMENTS
+    sides = np.sort(found.areas)[-6:]
+    hole = 0.5 * SEGMENTS * 0.1**2 * np.sin(2.0 * np.pi / SEGMENTS)
+    assert sides == pytest.approx([0.4] * 4 + [4.0 - hole] * 2, rel=1e-5)
+    away = (points[triangles] * found.normals[found.of][:, None]).sum(axis=2) - found.offsets[found.of][:, None]
+    assert np.abs(away).max() < 1e-6
+    own, _ = unit_normals(points, triangles, np.float64)
+    assert (own * found.normals[found.of]).sum(axis=1).min() > 0.9999
+    assert found.large_share == pytest.approx((1.6 + 2 * (4.0 - hole)) / found.areas.sum(), rel=1e-5)
+
+
+def test_a_fine_cylinder_is_no_plane():
+    low, high = ring(1.0, 0.0, 1000), ring(1.0, 1.0, 1000)
+    found = planes(*soup(band(low, high)))
+    assert len(found.areas) >= 1000 and found.large_share == 0.0
+
+
+def test_a_plane_that_ends_in_a_fine_round_stays_one():
+    angles = np.radians(np.arange(0.0, 90.1, 0.5))
+    profile = np.concatenate([[(-1.0, 0.0)], np.stack([0.3 * np.sin(angles), 0.3 * np.cos(angles) - 0.3], axis=1)])
+    low, high = (np.column_stack([profile, np.full(len(profile), z)]) for z in (0.0, 1.0))
+    points, triangles = band(low, high)
+    triangles = triangles[(triangles % len(low)).max(axis=1) - (triangles % len(low)).min(axis=1) == 1]
+    found = planes(*weld(points.astype(np.float32), triangles))
+    assert found.areas.max() == pytest.approx(1.0, abs=0.02)
+    assert len(found.areas) > 100
+
+
+def test_thin_triangles_lie_in_the_plane_of_a_neighbor():
+    """Of a square, one side has points that are off by what single precision rounds."""
+    x = np.linspace(0.0, 1.0, 50)
+    side = np.column_stack([x, 1e-7 * np.cos(40.0 * x), 1e-7 * np.sin(50.0 * x)])
+    points = np.concatenate([side, [(0.0, 1.0, 0.0), (1.0, 1.0, 0.0)]])
+    here = np.arange(1, 49)
+    strips = np.stack([np.zeros(48, int), here, here + 1], axis=1)
+    found = planes(points, np.concatenate([strips, [(0, 49, 51), (0, 51, 50)]]))
+    assert len(found.areas) == 1
+    assert found.normals[0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-5)
+
+
+@pytest.mark.parametrize("mesh", [plate_with_hole(), plate_with_round(), plate_with_round(depth=-0.05)])
+def test_a_hole_a_pocket_and_a_boss_are_closed_in_their_planes(mesh):
+    made = coarse(mesh, 12)
+    assert len(made.triangles) == 12 and is_closed(made.triangles)
+    assert volume(made.points, made.triangles) == pytest.approx(0.8, rel=1e-6)
+    box = np.abs(made.points - (0.0, 0.0, 0.1)) - (1.0, 1.0, 0.1)
+    assert np.abs(box).max() < 1e-6  # each vertex is a corner of the box
+    own, _ = unit_normals(made.points, made.triangles)
+    found = planes(*mesh)
+    assert (own * found.normals[found.of[made.of]]).sum(axis=1).min() > 0.999999
+
+
+def test_a_hole_stays_while_there_are_triangles_for_it():
+    made = coarse(plate_with_hole(0.5), 60)
+    assert len(made.triangles) <= 60 and is_closed(made.triangles)
+    table = EdgeTable.of(made.triangles)
+    vertices = len(np.unique(made.triangles))
+    assert vertices - len(table.keys) + len(made.triangles) == 0  # one tunnel
+    faces, _ = unit_normals(made.points, made.triangles)
+    flat = np.abs(faces[:, 2]) > 0.5
+    heights = made.points[made.triangles[flat]][..., 2]
+    assert np.minimum(np.abs(heights), np.abs(heights - 0.2)).max() < 1e-7
+    area = 4.0 - 0.5 * SEGMENTS * 0.5**2 * np.sin(2.0 * np.pi / SEGMENTS)
+    assert face_areas(made.points, made.triangles[flat]).sum() == pytest.approx(2.0 * area, rel=0.05)
+
+
+def test_the_smaller_of_two_holes_is_closed():
+    small = plate_with_hole(0.05)
+    large = plate_with_hole(0.6)
+    made = coarse(soup(small, (large[0] + (3.0, 0.0, 0.0), large[1])), 70)
+    hole = made.points[np.unique(made.triangles)]
+    near = np.linalg.norm(hole[:, :2], axis=1) < 0.5
+    far = np.linalg.norm(hole[:, :2] - (3.0, 0.0), axis=1) < 0.7
+    assert not near.any() and far.sum() >= 12 and is_closed(made.triangles)
+
+
+def test_an_open_sheet_keeps_its_outline():
+    points, triangles = soup(band(square(2.0, 0.0), ring(0.5, 0.0)), fan(ring(0.5, 0.0)))
+    made = coarse((points, triangles), 2)
+    assert len(made.triangles) == 2
+    assert face_areas(made.points, made.triangles).sum() == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_mesh_of_fewer_triangles_stays_as_it_is():
+    points, triangles = plate_with_hole()
+    made = coarse((points, triangles), 10_000)
+    assert np.array_equal(made.triangles, triangles) and made.points == pytest.approx(points, abs=1e-6)
+
+
+def star(rng, count):
+    """A simple polygon, mostly not convex."""
+    angles = (np.arange(count) + (0.8 * rng.random(count) if count > 4 else 0.0)) / count * 2.0 * np.pi
+    return (0.2 + rng.random(count))[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def area_of(polygon):
+    x, y = polygon.T
+    return 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
+
+
+def test_polygons_are_covered_once_by_their_triangles():
+    rng = np.random.default_rng(5)
+    outlines = [star(rng, count) for count in (3, 4, 5, 8, 13, 40, 90)]
+    first, last, of, points, count = [], [], [], [], 0
+    for number, outline in enumerate(outlines):
+        here = count + np.arange(len(outline))
+        first.append(here)
+        last.append(np.roll(here, -1))
+        of.append(np.full(len(outline), number))
+        points.append(np.column_stack([outline, np.zeros(len(outline))]))
+        count += len(outline)
+    points, first, last, of = (np.concatenate(each) for each in (points, first, last, of))
+    mixed = rng.permutation(len(first))
+    normals = np.tile((0.0, 0.0, 1.0), (len(outlines), 1))
+    triangles, owner = polygons.triangulated(points, first[mixed], last[mixed], of[mixed], normals)
+    a, b, c = (points[triangles[:, corner], :2] for corner in range(3))
+    areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    assert areas.min() >= -1e-12
+    for number, outline in enumerate(outlines):
+        assert (owner == number).sum() == len(outline) - 2
+        assert areas[owner == number].sum() == pytest.approx(area_of(outline), rel=1e-9)
+        assert (of[triangles[owner == number]] == number).all()
+
+
+def grid(count):
+    x, y = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
+    corner = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).reshape(-1)
+    cells = np.stack([corner, corner + 1, corner + count + 2, corner + count + 1], axis=1)
+    return np.stack([x, y], axis=-1).reshape(-1, 2).astype(float), cells
+
+
+def in_circle(points, triangles, others):
+    """How far `others` (N,) lie within the circles around triangles (N, 3), above 0 inside: the determinant of the textbook."""
+    rows = points[triangles] - points[others][:, None]
+    return np.linalg.det(np.concatenate([rows, (rows**2).sum(axis=2, keepdims=True)], axis=2))
+
+
+def test_edges_are_turned_until_no_corner_is_in_a_circle():
+    rng = np.random.default_rng(8)
+    flat, cells = grid(9)
+    flat = flat + rng.uniform(-0.33, 0.33, flat.shape)
+    points = np.column_stack([flat, np.zeros(len(flat))])
+    triangles = flips.delaunay(points, quads(cells), np.zeros(2 * len(cells), int))
+    assert face_areas(points, triangles).sum() == pytest.approx(face_areas(points, quads(cells)).sum(), rel=1e-12)
+    assert (unit_normals(points, triangles)[0][:, 2] > 0.99).all()
+    one, other = EdgeTable.of(triangles).pairs
+    opposite = triangles[other // 3, (other % 3 + 2) % 3]
+    assert in_circle(flat, triangles[one // 3], opposite).max() < 1e-6
+    assert in_circle(flat, quads(cells)[one // 3], opposite).max() > 1e-3
+
+
+def test_edges_between_planes_stay():
+    rng = np.random.default_rng(8)
+    flat, cells = grid(9)
+    points = np.column_stack([flat + rng.uniform(-0.33, 0.33, flat.shape), np.zeros(len(flat))])
+    triangles = quads(cells)
+    assert np.array_equal(flips.delaunay(points, triangles, np.arange(len(triangles))), triangles)
+
+
+def test_a_cylinder_has_hard_rims_and_round_sides():
+    low, high = ring(1.0, 0.0), ring(1.0, 1.0)
+    points, triangles = soup(band(low, high), fan(high), turned(fan(low)))
+    found = planes(points, triangles)
+    groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
+    assert len(np.unique(groups)) == 3
+    shown = hard_edges.shading(points, triangles, groups, found.of)
+    assert len(shown.hard) == 2 * SEGMENTS
+    assert np.abs(np.diff(points[shown.hard][..., 2], axis=1)).max() == 0.0
+    corners = points[triangles].astype(float)
+    own, _ = unit_normals(points, triangles, np.float64)
+    is_side = np.abs(own[:, 2]) < 0.5
+    around = corners * (1.0, 1.0, 0.0)
+    assert shown.normals[is_side] == pytest.approx(around[is_side], abs=1e-5)
+    assert shown.normals[~is_side] == pytest.approx(np.repeat(own[~is_side][:, None], 3, axis=1), abs=1e-6)
+
+
+def strip(angle):
+    """A large square, a narrow band that turns by half an angle, and a small square that turns by all of it."""
+    half = 0.5 * angle
+    profile = np.cumsum(
+        [
+            (0.0, 0.0),
+            (1.0, 0.0),
+            0.1 * np.array([np.cos(half), -np.sin(half)]),
+            0.5 * np.array([np.cos(angle), -np.sin(angle)]),
+        ],
+        axis=0,
+    )
+    points = np.concatenate([np.column_stack([profile[:, 0], np.full(4, y), profile[:, 1]]) for y in (0.0, 1.0)])
+    return points, quads([(row, row + 1, row + 5, row + 4) for row in range(3)])
+
+
+def test_normals_between_soft_edges_follow_the_larger_plane():
+    points, triangles = strip(np.radians(60.0))
+    found = planes(points, triangles)
+    shown = hard_edges.shading(
+        points, triangles, hard_edges.smooth_groups(triangles, found.normals[found.of]), found.of
+    )
+    assert not len(shown.hard)
+    angles = np.degrees(np.arccos(np.clip(shown.normals[triangles == 1][:, 2], -1.0, 1.0)))
+    assert angles.max() < 1e-3 + np.degrees(
+        np.arctan2(0.1 * np.sin(np.radians(30.0)), 1.0 + 0.1 * np.cos(np.radians(30.0)))
+    )
+    assert np.ptp(shown.normals[triangles == 1], axis=0).max() < 1e-12
+
+
+def test_an_edge_whose_round_is_gone_is_hard():
+    points, triangles = strip(np.radians(130.0))
+    groups, own = np.zeros(len(triangles), int), np.arange(len(triangles)) % 3
+    shown = hard_edges.shading(points, triangles, groups, own)
+    assert {tuple(sorted(edge)) for edge in shown.hard.tolist()} == {(1, 5), (2, 6)}
