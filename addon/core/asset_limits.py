@@ -175,6 +175,8 @@ class HowMade:
     """Whether it is made of voxels."""
     is_collapsed: bool | None = None
     """Whether the last edges collapsed by quadrics."""
+    keeps_planes: bool | None = None
+    """Whether planes and straight edges of a hard surface are kept."""
     of: int | None = None
     """The triangles of the high meshes."""
     inside: float | None = None

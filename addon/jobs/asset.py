@@ -31,7 +31,7 @@ from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
 from .simplify import appearance_judge, high_surface
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
-from .simplify.low_meshes import DecimationSource, LowMesh
+from .simplify.low_meshes import LowMesh, Source
 from .simplify.skins import Skin
 
 SEARCHED, UNWRAPPED = 0.7, 0.8
@@ -156,7 +156,7 @@ class _Making:
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         return lows
 
-    def _low(self, wanted: Wanted, maker: DecimationSource | None) -> Task[tuple[LowMesh, DecimationSource, int]]:
+    def _low(self, wanted: Wanted, maker: Source | None) -> Task[tuple[LowMesh, Source, int]]:
         """A low mesh within its limits, or as near as can be, its maker, and how many were measured. maker: None for the
         best."""
         most = max(each.triangles for each in self.high.sources)
@@ -189,11 +189,12 @@ class _Making:
             data.uv_layers.remove(layer)
         return low
 
-    def _how(self, source: DecimationSource, measured: int, wanted: Wanted) -> HowMade:
+    def _how(self, source: Source, measured: int, wanted: Wanted) -> HowMade:
         return HowMade(
             is_made=True,
             is_remeshed=source.is_remeshed,
             is_collapsed=source.is_collapsed,
+            keeps_planes=source.keeps_planes,
             of=self.high.count,
             inside=self.high.hidden_share,
             faults=self.high.bad_edge_share,

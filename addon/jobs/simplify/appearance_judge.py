@@ -11,17 +11,19 @@ import numpy as np
 
 from ...audit import appearance
 from ...audit.appearance import Appearance, SeenHighs, SeenPlaces, ShownMap
+from ...audit.pictures import square_means
 from ...core import asset_limits, udim
 from ...core.asset_limits import Wanted
-from ...core.declarations.choices import Method
+from ...core.declarations.choices import Method, Space
 from ...core.errors import NoGpu, NothingDrawn
 from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, Timings, part, relay
 from ...core.settings import Run, Settings
 from ...core.simplify import Limit
 from ...engine import normal_space
-from ...mesh import uv_stretch
+from ...mesh import corner_normals, uv_stretch
 from ...mesh.fitting import Samples
+from ...mesh.triangle_mesh import Mesh
 from ...mesh.triangles import face_areas
 from ...output.outputs import kept
 from ...scene import mesh_reader
@@ -41,6 +43,11 @@ NOT_DRAWN = 100.0
 SILHOUETTE_PENALTY_DEGREES = 90.0
 """The degrees for which a pixel of the high or the low mesh alone, or of a back face, counts, where ways to make a low mesh are
 compared."""
+AFAR = 4
+"""Texels along a side of the square that is one texel where a map with 8 bits is seen from afar: its second mip level."""
+BENT = 0.02
+"""The degrees for which a degree counts between the normals of corners and their faces: renderers correct what is far off, and
+shadows grow from there. For hard surfaces alone: others have no flat sides on which that shows."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +59,16 @@ class Seen:
         distance: As HighSurface.distance; 0 if it has no limit.
         is_drawn: Whether a texel of its map shows the high mesh: on a small map, none may be left between the margins of
             islands.
+        afar: What a viewer sees of a hard surface from afar, by the mip level AFAR; None for others.
+        bent: The mean angle in degrees between the normals of corners and their faces, by area, of a hard surface in tangent
+            space; 0 of others.
     """
 
     appearance: Appearance | None
     distance: float = 0.0
     is_drawn: bool = True
+    afar: Appearance | None = None
+    bent: float = 0.0
 
     def excess(self, limit: Limit) -> float:
         """As simplify.Deviation.excess."""
@@ -69,8 +81,10 @@ class Seen:
         """How wrong it looks, in degrees."""
         if self.appearance is None:
             return 0.0 if self.is_drawn else math.inf
-        wrong = min(1.0, self.appearance.silhouette + self.appearance.backs)
-        return (1.0 - wrong) * self.appearance.mean + SILHOUETTE_PENALTY_DEGREES * wrong
+        wrong, mean = min(1.0, self.appearance.silhouette + self.appearance.backs), self.appearance.mean
+        if self.afar is not None:
+            mean = (mean + self.afar.mean) / 2.0 + BENT * self.bent
+        return (1.0 - wrong) * mean + SILHOUETTE_PENALTY_DEGREES * wrong
 
 
 class AppearanceJudge:
@@ -128,28 +142,43 @@ class AppearanceJudge:
         except NothingDrawn:
             return Seen(None, is_drawn=False)
         looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.samples), "look")
-        return Seen((yield from part(looking, 0.5, 1.0)))
+        return (yield from part(looking, 0.5, 1.0))
 
     def _timed(self, work: Task, stage: str) -> Task:
         """`work`, with its time added to a stage. The time between its steps does not count."""
         return relay(work, within=lambda: self._timings.timed(stage))
 
-    def _looked_at(self, baked: Baked, normals: np.ndarray, samples: Samples) -> Task[Appearance | None]:
-        """The shading error of a low mesh, and what is seen of samples of the surface. None if it cannot be measured.
+    def _looked_at(self, baked: Baked, normals: np.ndarray, samples: Samples) -> Task[Seen]:
+        """The shading error of a low mesh, if it can be measured, and what is seen of samples of the surface.
 
         normals: as baking.Renderer.raw returns them.
         """
         settings, meshes = baked.settings, baked.plan.meshes
         if appearance.why_not(baked.plan, settings):
-            return None
+            return Seen(None)
         low = meshes.basis or meshes.low
         seen = yield from part(appearance.seen_highs(meshes.highs, [low]), 0.0, 0.5)
         if self._places is None or self._places[0] is not samples or self._places[1] is not seen:
             in_world = replace(samples, points=samples.points + self._high.origin)
             self._places = samples, seen, seen.places(in_world)
-        texels, _ = normal_space.stored(normals, settings)
-        shown = ShownMap({udim.FIRST: kept(texels, settings)}, normal_space.reading(settings.map))
-        return (yield from part(seen.compare(low, shown, places=self._places[2]), 0.5, 1.0))
+        texels, states = normal_space.stored(normals, settings)
+        shown, places = kept(texels, settings), self._places[2]
+        near = yield from part(self._compared(seen, low, shown, settings, places), 0.5, 0.75)
+        if not self._high.is_hard:
+            return Seen(near)
+        means, is_known = square_means(np.rint(255.0 * shown) / np.float32(255.0), states != 0, AFAR)
+        small = np.dstack([means, is_known.astype(np.float32)])
+        afar = yield from part(self._compared(seen, low, small, settings), 0.75, 1.0)
+        is_in_tangent_space = settings.map.space == Space.TANGENT
+        return Seen(near, afar=afar, bent=corner_normals.bent(low) if is_in_tangent_space else 0.0)
+
+    @staticmethod
+    def _compared(
+        seen: SeenHighs, low: Mesh, texels: np.ndarray, settings: Settings, places: SeenPlaces | None = None
+    ) -> Task[Appearance | None]:
+        """What is seen of a low mesh with a map."""
+        shown = ShownMap({udim.FIRST: texels}, normal_space.reading(settings.map))
+        return (yield from seen.compare(low, shown, places=places))
 
 
 def texel_side(wanted: Wanted, context: bpy.types.Context, edge: Callable[[], float]) -> float:

@@ -28,7 +28,8 @@ from ...mesh.welding import ClusterOptions, cluster, weld
 from ...scene import evaluation, mesh_reader
 from ...scene.high_reader import Reader
 from ..job import Job
-from .low_meshes import REMESH_BIAS, DecimationSource, arrays, new_mesh, remeshed, sources_of
+from . import plane_meshes
+from .low_meshes import REMESH_BIAS, Source, arrays, new_mesh, remeshed, sources_of
 
 MOST_BAD_EDGES = 0.01
 """The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
@@ -74,7 +75,7 @@ class HighSurface:
     points: np.ndarray
     triangles: np.ndarray
     origin: np.ndarray
-    sources: list[DecimationSource]
+    sources: list[Source]
     samples: Samples
     hidden_share: float
     bad_edge_share: float
@@ -82,6 +83,11 @@ class HighSurface:
     count: int
     crumbs: int = 0
     holes: int = 0
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether it has planes and edges that low meshes may keep, as machine parts have."""
+        return any(source.keeps_planes for source in self.sources)
 
     def distance(self, low: bpy.types.Object) -> float:
         """The distance between this surface and a low object that 99 % of the samples on each of them have at most.
@@ -146,7 +152,7 @@ def read(
 
 def _sources(
     data: bpy.types.Mesh, is_seen: np.ndarray, outer: Samples, timings: Timings, *, hidden: float, bad: float
-) -> list[DecimationSource]:
+) -> list[Source]:
     """What low meshes are made of.
 
     Args:
@@ -166,7 +172,10 @@ def _sources(
             result += sources_of(voxels, outer, timings, is_remeshed=True)
     # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
-        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0)
+        bias = REMESH_BIAS if result else 1.0
+        result += sources_of(outside, outer, timings, bias=bias)
+        on_planes = plane_meshes.source_of(outside, result[-1].samples, timings, bias)
+        result += [on_planes] if on_planes is not None else []
     return result
 
 

@@ -7,6 +7,7 @@ quadrics two thirds of that of Decimate on a bust; so the ways are compared by w
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import bpy
 import numpy as np
@@ -14,7 +15,7 @@ from mathutils import Matrix
 
 from ...core.asset_limits import OFF
 from ...core.progress import Timings
-from ...core.simplify import Candidate
+from ...core.simplify import Candidate, Maker
 from ...mesh import face_weights, fitting, folds, small_parts
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
@@ -53,6 +54,23 @@ SHARP = math.radians(100.0)
 """The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
 
 
+class Source(Maker, Protocol):
+    """A mesh that low ones are made of, and the way, as DecimationSource has it. keeps_planes: whether planes and straight
+    edges stay."""
+
+    samples: Samples
+    bias: float
+    is_remeshed: bool
+    left_out: int
+    keeps_planes: bool
+
+    @property
+    def triangles(self) -> int: ...
+
+    @property
+    def is_collapsed(self) -> bool: ...
+
+
 @dataclass(frozen=True, eq=False)
 class DecimationSource:
     """A mesh that low ones are made of, and the way.
@@ -81,6 +99,7 @@ class DecimationSource:
     weights: np.ndarray | None = None
     partial: list[PartialCollapse] = field(default_factory=list)
     left_out: int = 0
+    keeps_planes = False
 
     @property
     def triangles(self) -> int:
@@ -203,7 +222,7 @@ class LowMesh:
     """
 
     data: bpy.types.Mesh
-    source: DecimationSource
+    source: Source
     nearest: np.ndarray
 
     @property
