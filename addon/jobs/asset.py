@@ -98,12 +98,13 @@ def work(
             lows = yield from part(_Making(context, high, judge).lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
         unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
         lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
+        carrying = skin.carry(context, [low.obj for low in lows if low.how.is_made])
+        notes = yield from part(carrying, UNWRAPPED, UNWRAPPED)
         jobs = [_job_of(low, job, context, settings, high) for low in lows]
         reports = yield from part(
             _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), UNWRAPPED, 1.0
         )
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
-        notes = skin.carry(context, [low.obj for low in lows if low.how.is_made])
         reports[0] = reports[0].with_warnings(notes)
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one

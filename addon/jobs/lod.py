@@ -121,10 +121,10 @@ def work(
         yield from part(levels.measure_original(), 0.0, 0.05)
         made, left_out = yield from part(_search_all(levels, limits), 0.05, SEARCHED)
         collection, objects = _level_objects(context, ref.resolve(), [mesh.data for mesh, _ in made])
+        notes = yield from part(skin.carry(context, objects), SEARCHED, SEARCHED)
         jobs = [Job(level, [ref.resolve()]) for level in objects]
         baking = bake_jobs.work(context, jobs, settings, pace)
         bakes = yield from bake_jobs.all_or_nothing(part(baking, SEARCHED, 1.0))
-        notes = skin.carry(context, objects)
     reports = [
         replace(level, name=obj.name, bake=bake) for obj, (_, level), bake in zip(objects, made, bakes, strict=True)
     ]

@@ -81,10 +81,13 @@ def made(file: Path, glb: Path, degrees: float, size: int) -> dict:
     return json.loads(report.read_text(encoding="utf-8"))
 
 
-def compared(glb: Glb, high: tuple[np.ndarray, np.ndarray], modules: Path, pixels: int) -> tuple[np.ndarray, float]:
-    """The degrees of all pixels that show both, and the share of those that show one alone."""
+def compared(
+    glb: Glb, high: tuple[np.ndarray, np.ndarray], modules: Path, pixels: int, *, shape: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
+    """The degrees of all pixels that show both, and the share of those that show one alone. shape (T, 3, 3): where the corners
+    of the file are, if bones move them."""
     points, normals = high
-    sights = drawing.look_around(glb.surface().position, DIRECTIONS, pixels)
+    sights = drawing.look_around(glb.surface().position if shape is None else shape, DIRECTIONS, pixels)
     glb.set_cameras(sights.matrices, drawing.ANGLE, sights.near, sights.far)
     shown: dict[int, np.ndarray] = {}
 

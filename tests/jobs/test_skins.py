@@ -112,7 +112,7 @@ def carried(highs, lows, modifiers="VIEWPORT"):
     bpy.context.view_layer.update()
     skin = Skin.of(highs, modifiers)
     with skin.at_rest(bpy.context):
-        return skin.carry(bpy.context, lows)
+        return finish(skin.carry(bpy.context, lows))
 
 
 @pytest.mark.parametrize("modifiers", ["VIEWPORT", "RENDER"])
@@ -383,6 +383,28 @@ def test_objects_without_any_of_it_leave_low_meshes_alone():
     before = snapshot()
     assert carried([high], [low]) == []
     assert difference(before, snapshot()) == {}
+
+
+def test_instances_without_a_surface_of_their_own_give_their_parent():
+    low, rig = rod("Low", 4, 4), armature()
+    shown = bpy.data.collections.new("Shown")
+    shown.objects.link(zoo.cube("Inside"))
+    empty = scenes.link(bpy.data.objects.new("Instance", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", shown
+    empty.parent, empty.parent_type, empty.parent_bone = rig, "BONE", "tip"
+    assert carried([empty], [low]) == []
+    assert (low.parent, low.parent_type, low.parent_bone) == (rig, "BONE", "tip") and not low.vertex_groups
+
+
+def test_triangles_that_are_not_finite_give_nothing():
+    high, low, _ = rods()
+    broken = points(high)
+    broken[40] = np.nan
+    high.data.vertices.foreach_set("co", broken.astype(np.float32).reshape(-1))
+    high.data.update()
+    carried([high], [low])
+    tip = np.clip((points(low)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
+    assert np.abs(np.maximum(weights(low, "tip"), 0.0) - tip).max() < 0.2  # the place beside
 
 
 def made(highs, wanted, low=None, settings=SETTINGS):

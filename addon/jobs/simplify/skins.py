@@ -5,7 +5,7 @@ Low meshes are made of these objects at rest: in the rest pose, without shape ke
 vertex, come from the nearest place on them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,6 +16,7 @@ import numpy as np
 from ...core import foreach
 from ...core.declarations.choices import Modifiers
 from ...core.errors import shorten_list
+from ...core.progress import Progress, Task
 from ...core.sentences import LOOK, NOTE, Sentence
 from ...mesh.closest import Surface
 from ...mesh.triangles import barycentric, transformed, unit, unit_normals, vertex_normals
@@ -45,6 +46,7 @@ class Skin:
         modifiers: Which modifiers are shown, as in the settings.
         layers: The names of shape keys that are part of the shape.
         muted: Those of shape keys that are muted also without `at_rest`.
+        lows: The low objects that `carry` has given shape keys; they are at rest, too, as long as the objects are.
     """
 
     refs: tuple[ObjectRef, ...]
@@ -52,6 +54,7 @@ class Skin:
     modifiers: str
     layers: frozenset[str]
     muted: frozenset[str]
+    lows: list[ObjectRef] = field(default_factory=list)
 
     @classmethod
     def of(cls, objects: Sequence[bpy.types.Object], modifiers: str) -> "Skin":
@@ -96,31 +99,36 @@ class Skin:
                 names = [key.name for key in _keys(ref.resolve()) if key.name not in self.layers and not key.mute]
                 _mute(ref, names, True)
                 restore.callback(_mute, ref, names, False)
+            restore.callback(self._end_rest)
             context.view_layer.update()
             yield
         context.view_layer.update()
 
-    def carry(self, context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> list[Sentence]:
-        """Give low objects, which lie at the surface of the objects at rest, what deforms these.
+    def _end_rest(self) -> None:
+        for ref in self.lows:
+            low = ref.find()
+            _mute(ref, [key.name for key in _keys(low) if key.name not in self.muted] if low is not None else (), False)
 
-        Returns sentences of what they cannot have.
+    def carry(self, context: bpy.types.Context, lows: Sequence[bpy.types.Object]) -> Task[list[Sentence]]:
+        """Give low objects, which lie at the surface of the objects, what deforms these, while they are `at_rest`.
+
+        Returns sentences of what low objects cannot have.
         """
         if len(self.rigs) > 1 or not lows:
             return self.notes
-        highs = [ref.resolve() for ref in self.refs]
+        highs, notes, found = [ref.resolve() for ref in self.refs], [], None
         keys = list(dict.fromkeys(key.name for high in highs for key in _keys(high) if key.name not in self.layers))
-        has_groups = any(high.vertex_groups for high in highs if high.type == "MESH")
-        if keys or has_groups or self.rigs:
-            look = partial(evaluation.evaluate, context, highs, modifiers=self.modifiers)
+        look = partial(evaluation.evaluate, context, highs, modifiers=self.modifiers)
+        if keys or self.rigs or any(high.vertex_groups for high in highs):
+            yield Progress("Reading weights", 0.0)
             found = look(partial(_found, highs, lows))
-            offsets, notes = _offsets(look, highs, found, keys)
+        if found is not None:
+            offsets, notes = yield from _offsets(look, highs, found, keys)
             for low, place in zip(lows, found.places, strict=True):
                 self._weigh(low, found, place, highs)
                 _add_keys(low, {name: place.mixed(offset) for name, offset in offsets.items()}, highs)
-                for key in _keys(low):
-                    key.mute = key.name in self.muted
-        else:
-            notes = []
+                self.lows.append(ObjectRef.of(low))
+                _mute(self.lows[-1], offsets, True)
         for low in lows:
             self._attach(low, highs)
         context.view_layer.update()
@@ -248,7 +256,7 @@ def nearest_places(
     Returns:
         The triangles (N,) int, and barycentric coordinates (N, 3). Where all look the other way, it is the nearest one.
     """
-    origin = points.mean(axis=0)
+    origin = places.mean(axis=0)
     near, here = (points - origin).astype(np.float32), (places - origin).astype(np.float32)
     faces, _ = unit_normals(near, triangles, np.float64)
     found, where, _ = Surface(near, triangles).closest(here)
@@ -266,8 +274,8 @@ def nearest_places(
 
 def _found(
     highs: Sequence[bpy.types.Object], lows: Sequence[bpy.types.Object], depsgraph: bpy.types.Depsgraph
-) -> _Found:
-    """The places of low meshes, and the weights around them."""
+) -> _Found | None:
+    """The places of low meshes, and the weights around them; None if instances alone have a surface."""
     points, triangles, counts = [], [], []
     for high in highs:
         shown, corners = np.zeros((0, 3)), np.zeros((0, 3), int)
@@ -275,10 +283,13 @@ def _found(
             with mesh_reader.evaluated(high, depsgraph) as data:
                 shown = transformed(mesh_reader.points(data), mesh_reader.matrix(high.evaluated_get(depsgraph)))
                 corners = mesh_reader.corner_vertices(data)[mesh_reader.triangles(data)]
+                corners = corners[np.isfinite(shown[corners]).all(axis=(1, 2))]
         points.append(shown)
         triangles.append(corners + sum(counts))
         counts.append(len(shown))
     points, triangles = np.concatenate(points), np.concatenate(triangles)
+    if not len(triangles):
+        return None
     on_surface = []
     for low in lows:
         own, matrix = mesh_reader.points(low.data).astype(np.float64), mesh_reader.matrix(low)
@@ -328,10 +339,8 @@ def _weights(
 
 def _offsets(
     look: Callable, highs: Sequence[bpy.types.Object], found: _Found, keys: Sequence[str]
-) -> tuple[dict[str, np.ndarray], list[Sentence]]:
+) -> Task[tuple[dict[str, np.ndarray], list[Sentence]]]:
     """By how much shape keys move the rows (N, 3), in world space, and sentences about those that are left out."""
-    if not keys:
-        return {}, []
     seen: dict[str, list[np.ndarray | None]] = {}
 
     def shown(name: str) -> list[np.ndarray | None]:
@@ -349,7 +358,8 @@ def _offsets(
         return seen[name]
 
     offsets, left_out = {}, []
-    for name in keys:
+    for done, name in enumerate(keys):
+        yield Progress(f"Reading the shape key {name}", done / len(keys))
         parts = []
         for number, high in enumerate(highs):
             key = next((key for key in _keys(high) if key.name == name), None)
@@ -457,7 +467,7 @@ def _set_pose_position(ref: ObjectRef, value: str) -> None:
         rig.data.pose_position = value
 
 
-def _mute(ref: ObjectRef, names: Sequence[str], value: bool) -> None:
+def _mute(ref: ObjectRef, names: Collection[str], value: bool) -> None:
     obj = ref.find()
     for key in _keys(obj) if obj is not None else ():
         if key.name in names:
