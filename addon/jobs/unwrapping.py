@@ -104,7 +104,7 @@ def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = 
     name = low.name
     best = yield from _best(low, sampling, is_quick=is_quick)
     if best is None:
-        raise BakeError(f"{name!r} has no UV map, and Blender cannot unwrap it: its faces have no area.")
+        raise BakeError(f"{name!r} cannot be unwrapped: its faces have no area.")
     return best
 
 
@@ -145,6 +145,8 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool =
             here, there = (0.6 + 0.2 * step / len(ways) for step in (done, done + 1))
             packed.append((yield from part(unwrapping.packed(way, is_quick=True), here, there)))
         most = max(each.layout.figure for each in packed)
+        if most == 0.0:
+            return None
         best = min(
             (each for each in packed if each.layout.figure >= CLOSE * most),
             key=lambda each: (each.layout.islands, -each.layout.figure),
@@ -295,9 +297,21 @@ def pack_boxes(margin: float) -> None:
 
 @contextmanager
 def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """A copy of the object's own mesh, as large as the object makes it, with a new UV map, in a scene of its own."""
+    """A copy of the object's own mesh, in the proportions that the object gives it, with a new UV map, in a scene of its own.
+
+    It is around the origin and of size 1, for which single precision is enough. Vertices that are not finite are in its middle.
+    """
     with temporary.scene() as scene:
         data = low.data.copy()
-        data.transform(low.matrix_world.to_3x3().to_4x4())
         data.uv_layers.active = data.uv_layers.new(name=NAME)
-        yield temporary.add_object(scene, data)
+        obj = temporary.add_object(scene, data)
+        obj.shape_key_clear()  # Edit Mode would begin with the points of a key
+        points = foreach.vectors(data.vertices, "co") @ np.array(low.matrix_world.to_3x3(), np.float64).T
+        is_finite = np.isfinite(points).all(axis=1)
+        known = points[is_finite] if is_finite.any() else np.zeros((1, 3))
+        lowest, highest = known.min(axis=0), known.max(axis=0)
+        points = (points - 0.5 * (lowest + highest)) / max((highest - lowest).max(), 1e-300)
+        points[~is_finite] = 0.0
+        data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+        data.update()
+        yield obj
