@@ -16,7 +16,7 @@ import numpy as np
 
 from . import topology
 from .topology import EdgeTable
-from .triangles import checked, face_normals, unit, unit_normals
+from .triangles import checked, face_normals, quality, unit, unit_normals
 
 BORDER = 10.0
 """How much the planes along open edges count, as a factor on the square of an edge's length."""
@@ -298,12 +298,6 @@ class State:
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
         """Take some (T,) bool of new triangles (T, 3)."""
         self.triangles = triangles[which]
-
-
-def quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
-    """1 for equilateral triangles, 0 for lines."""
-    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
-    return 2.0 * np.sqrt(3.0) * twice_areas / np.maximum(squares, 1e-300)
 
 
 def _quadrics(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:

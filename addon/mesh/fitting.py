@@ -106,7 +106,11 @@ class FitOptions:
 
 
 def fit(
-    points: np.ndarray, triangles: np.ndarray, surface: Samples, options: FitOptions = FitOptions()
+    points: np.ndarray,
+    triangles: np.ndarray,
+    surface: Samples,
+    options: FitOptions = FitOptions(),
+    known: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where vertices lie so that the squares of the distances of samples from the mesh are least.
 
@@ -123,6 +127,7 @@ def fit(
         triangles: (T, 3) int.
         surface: samples of the surface that it stands for, in the same space.
         options: how vertices move.
+        known: (N,) int, a triangle that is close to each sample; None to look for them.
 
     Returns:
         The vertices (V, 3) float64, and the triangle of each sample (N,) int, which is the nearest one or beside it.
@@ -135,9 +140,11 @@ def fit(
     is_free[triangles] = True
     edges = EdgeTable.of(triangles).ends
     now, places, beside = start, surface.points.astype(np.float32), _Beside.of(triangles)
-    nearest, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
+    nearest = where = known
+    if nearest is None:
+        nearest, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
     for done in range(options.rounds):
-        if done:
+        if done or known is not None:
             nearest, where = beside.closest(places, nearest, now.astype(np.float32))
         corners = triangles[nearest]
         normals, _ = unit_normals(now, corners)

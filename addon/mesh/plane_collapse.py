@@ -17,7 +17,7 @@ from . import collapse, flips, polygons, topology
 from .collapse import State
 from .planes import LARGE, Planes
 from .topology import EdgeTable
-from .triangles import checked, face_areas, face_normals, unit
+from .triangles import checked, face_areas, face_normals, quality, unit
 
 FIRST_COST, MOST_COST, FACTOR = 1e-10, 16.0, 2.0
 """The least and the most costs to which a mesh is collapsed, and the factor from each to the next, for a box whose longest side
@@ -143,11 +143,11 @@ class _State(State):
         of = self._plane_of[self.of[which]]
         old, new = face_normals(before), face_normals(after)
         old_areas, new_areas = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
-        old_quality = collapse.quality(before, old_areas)
+        old_quality = quality(before, old_areas)
         is_of_plane = self._is_large[of] | (old_quality < LEAST_QUALITY)
         towards = np.where(is_of_plane[:, None], self._normals[of], unit(old))
         is_turned = (towards * new).sum(axis=1) < LEAST_COSINE * new_areas
-        return is_turned | (collapse.quality(after, new_areas) < np.minimum(LEAST_QUALITY, 0.5 * old_quality))
+        return is_turned | (quality(after, new_areas) < np.minimum(LEAST_QUALITY, 0.5 * old_quality))
 
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
         super()._keep(triangles, which)

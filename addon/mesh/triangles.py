@@ -55,6 +55,12 @@ def face_areas(points: np.ndarray, triangles: np.ndarray | None = None, dtype: D
     return 0.5 * np.linalg.norm(face_normals(points, triangles, dtype), axis=1)
 
 
+def quality(corners: np.ndarray, twice_areas: np.ndarray) -> np.ndarray:
+    """1 for equilateral triangles (T, 3, 3), 0 for lines: (T,). twice_areas: (T,)."""
+    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
+    return 2.0 * np.sqrt(3.0) * twice_areas / np.maximum(squares, 1e-300)
+
+
 def enclosed_volumes(points: np.ndarray, triangles: np.ndarray | None = None) -> np.ndarray:
     """Six times the volumes (T,) between triangles and the origin: positive where it lies behind a triangle."""
     a, b, c = _columns(points, triangles, None)

@@ -16,10 +16,10 @@ from mathutils import Matrix
 from ...core.asset_limits import OFF
 from ...core.progress import Timings
 from ...core.simplify import Candidate, Maker
-from ...mesh import face_weights, fitting, folds, small_parts
+from ...mesh import face_weights, fitting, flips, folds, small_parts
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
-from ...mesh.fitting import Samples, surface_samples
+from ...mesh.fitting import FitOptions, Samples, surface_samples
 from ...scene import mesh_reader, mesh_writer
 from .. import temporary
 from ..temporary import TEMPORARY
@@ -46,6 +46,8 @@ MOST_SHARED = 0.8
 FITTED = 10_000, 60_000
 """The fewest and the most samples of the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
 triangle of the low mesh."""
+AFTER_FLIPS = FitOptions(rounds=2)
+"""How low meshes are fitted again after edges have flipped."""
 COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 REMESH_BIAS = 1.1
@@ -132,8 +134,12 @@ class DecimationSource:
         """A low mesh of about this many triangles, or of more if its parts cannot become coarser."""
         with self.timings.timed("decimate"):
             data = self._unfolded_low(triangles)
-            points, nearest = fitting.fit(*arrays(data), self.samples)
-            data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+            points, corners = arrays(data)
+            points, nearest = fitting.fit(points, corners, self.samples)
+            flipped, nearest = flips.flip(points, corners, self.samples, nearest)
+            points, nearest = fitting.fit(points, flipped, self.samples, AFTER_FLIPS, nearest)
+            bpy.data.meshes.remove(data)
+            data = new_mesh(points, flipped)
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)
