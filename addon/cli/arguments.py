@@ -371,9 +371,9 @@ def read_lod(words: Sequence[str], program: str) -> tuple[RunOptions, argparse.N
     return run, options
 
 
-def _check_levels(options: argparse.Namespace) -> None:
-    """Raise WrongUsage if several levels would be written to one file."""
-    if not naming.has_low(options.output):
+def _check_levels(options: argparse.Namespace, *, have_maps: bool = True) -> None:
+    """Raise WrongUsage if several levels would be written to one file. have_maps: whether each has one."""
+    if have_maps and not naming.has_low(options.output):
         raise WrongUsage(f"each level has a map: put {naming.LOW} into --output")
     is_one_file = bool(options.export) and not naming.has_low(options.export)
     if is_one_file and Path(options.export).suffix.lower() != ".glb":
@@ -386,7 +386,7 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         mending = asset_limits.Mending.of_texts(own.crumbs, own.holes)
-        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending)
+        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, owns_textures=own.own_textures)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     size = ["--size", own.size] if own.size and not wanted.finds_size else []
@@ -394,11 +394,11 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     options.asset = wanted
     if options.export and not options.output:
         path = Path(options.export)
-        has_low = not wanted.levels or naming.has_low(path.name)
-        options.output = str(path.with_suffix(".png") if has_low else path.with_name(f"{naming.LOW}.png"))
+        is_as_export = not wanted.own_levels or naming.has_low(path.name)
+        options.output = str(path.with_suffix(".png") if is_as_export else path.with_name(f"{naming.LOW}.png"))
     run = check(options, program)
     if wanted.levels:
-        _check_levels(options)
+        _check_levels(options, have_maps=wanted.own_levels > 0)
     return run, options
 
 

@@ -463,7 +463,9 @@ def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
     if options.asset:
         is_made, low = jobs[0].low in jobs[0].highs, jobs[0].low.name
         low = naming.low_name_of(low, options.suffixes) if is_made else low
-        return [low, *naming.level_names(low, options.asset.levels)]
+        low = naming.of_levels(low, options.suffixes.low)
+        count = options.asset.levels if naming.has_low(options.output) else 0
+        return [low, *naming.level_names(low, count)]
     if options.levels:
         return naming.level_names(jobs[0].low.name, len(levels.limits(*options.levels)))
     return [_shared_name(options)] if _share_image(options) else [job.low.name for job in jobs]

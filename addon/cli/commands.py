@@ -184,6 +184,10 @@ ASSET = Command(
                 "How many levels of detail follow, each with half the triangles of the one before it, or twice its limits",
                 {"type": int, "default": 0, "metavar": "N"},
             ),
+            "own-textures": CommandOption(
+                "Give each level a UV map and textures of its own, in place of those of the low mesh",
+                {"action": "store_true"},
+            ),
             "crumbs": CommandOption(
                 "Leave out parts that are smaller than this share of the largest one; 0 keeps all",
                 {"default": str(CRUMBS), "metavar": "PERCENT"},

@@ -75,6 +75,7 @@ class Wanted:
         density: The texels a meter that the maps have at least; 0 for the size in the settings.
         is_count_given: Whether the user gave the number of triangles, and not the default, which is a most.
         mending: Of the high surface.
+        owns_textures: Whether each level has UVs and textures of its own, and not those of the low mesh.
     """
 
     degrees: float = math.inf
@@ -85,6 +86,7 @@ class Wanted:
     density: float = 0.0
     is_count_given: bool = True
     mending: Mending = USUAL_MENDING
+    owns_textures: bool = False
 
     @classmethod
     def of_texts(
@@ -97,6 +99,7 @@ class Wanted:
         *,
         is_count_given: bool = True,
         mending: Mending = USUAL_MENDING,
+        owns_textures: bool = False,
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -113,9 +116,14 @@ class Wanted:
         if word.endswith(A_METER) and not density > 0.0:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
-        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given, mending)
+        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given, mending, owns_textures)
         result.check()
         return result
+
+    @property
+    def own_levels(self) -> int:
+        """How many levels of detail have textures of their own."""
+        return self.levels if self.owns_textures else 0
 
     @property
     def finds_size(self) -> bool:
@@ -187,6 +195,8 @@ class HowMade:
     """The parts that were too small to be kept."""
     holes: int | None = None
     """The holes that were filled."""
+    shares: str | None = None
+    """The low object whose UVs and textures it has."""
     measured: int | None = None
     """How many low meshes were compared."""
     limits: dict[str, float] | None = None

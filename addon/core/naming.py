@@ -22,6 +22,11 @@ ATLAS = "atlas"
 USUAL = f"{LOW}_normal"
 """How maps are named where nothing else is set."""
 
+LEVELS = "_LODs"
+"""What is added to the name of an object in that of the collection of its levels of detail."""
+FIRST_LEVEL = "_LOD0"
+"""What is added to the name of a low object that is the finest of several levels of detail."""
+
 COPY_OF = "imprint_copy_of"
 """The custom property of a copy of a material that a bake has made: the `name` of the copy, and whose copy it is."""
 
@@ -46,9 +51,15 @@ def fill(path: str, low_name: str, material: str = "", *, low_suffix: str = "") 
 
 
 def fill_low(text: str, low_name: str, low_suffix: str = "") -> str:
-    """`text` with the low object's name in place of LOW, and without its suffix in place of NAME. low_suffix: as in
-    without_suffix."""
-    return text.replace(LOW, low_name).replace(NAME, without_suffix(low_name, low_suffix))
+    """`text` with the low object's name in place of LOW, and without its suffix in place of NAME. Textures are not called after
+    the first level, since others share them: "crate_low" is the name of "crate_low_LOD0". low_suffix: as in without_suffix."""
+    return text.replace(LOW, of_levels(low_name, low_suffix)).replace(NAME, without_suffix(low_name, low_suffix))
+
+
+def of_levels(low_name: str, low_suffix: str = "") -> str:
+    """The name that the levels of detail of a low object share: "crate_low" for "crate_low_LOD0", and for itself."""
+    is_low = role(low_name, Suffixes(low_suffix) if low_suffix else Suffixes()) == "low"
+    return low_name.removesuffix(FIRST_LEVEL) if is_low else low_name
 
 
 def has_low(text: str) -> bool:
@@ -235,7 +246,7 @@ def _patterns(suffixes: Suffixes) -> list[tuple[str, re.Pattern]]:
         suffix, default = getattr(suffixes, role), getattr(Suffixes, role)
         is_chosen = suffix.casefold() != default
         ending = re.escape(suffix) if is_chosen else f"[_ .-](?:{_WORDS[role]})"
-        more = "(?:_.*)?" if role == "high" else ""
+        more = {"high": "(?:_.*)?", "low": f"(?:{FIRST_LEVEL})?"}.get(role, "")
         pattern = re.compile(rf"(.+){ending}(?:[_ .-]?(\d{{1,9}}))?{more}", re.IGNORECASE)
         result.append((not is_chosen, role, pattern))
     return [(role, pattern) for _, role, pattern in sorted(result, key=lambda entry: entry[0])]

@@ -322,7 +322,11 @@ class Report:
     def _made(self) -> list[str]:
         """How the low mesh of an asset was made, for the summary."""
         how, lines = self.asset, []
-        if how.get("is_made"):
+        if how.get("shares"):
+            lines.append(
+                f"{self.low}: {self.triangles['low']:,} triangles, with the UVs and the textures of {how['shares']}"
+            )
+        elif how.get("is_made"):
             way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
             way += ", the last steps by quadrics" if how["is_collapsed"] else ""
             way += ", with its planes and straight edges" if how["keeps_planes"] else ""

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import bpy
+import numpy as np
 
 from ..audit.appearance import kept_pictures
-from ..core import asset_limits, naming
+from ..core import asset_limits, foreach, naming
 from ..core.asset_limits import HowMade, Wanted
 from ..core.declarations.choices import Method, Wrap
 from ..core.errors import BakeError, NothingDrawn
@@ -22,22 +23,27 @@ from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.settings import Settings
-from ..core.simplify import Candidate, Search
+from ..core.simplify import LEAST, Candidate, Search
+from ..output import datablocks
 from ..output.atomic_file import all_or_none
 from ..scene import mesh_reader
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
-from .simplify import appearance_judge, high_surface
+from .simplify import appearance_judge, decimation, high_surface
 from .simplify.appearance_judge import AppearanceJudge
+from .simplify.decimation import UvMesh
 from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import LowMesh, Source
+from .simplify.shared_levels import LayoutSource
 from .simplify.skins import Skin
 
 SEARCHED, UNWRAPPED = 0.7, 0.8
 """The share of the work that is done before the low objects get UV maps, and before their maps are baked."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
+SHARED, LOOKED = 0.86, 0.98
+"""The shares that are done after levels that share textures are made, and when these are to be looked at."""
 MIN_COVERAGE = 0.1
 """The share of a map below which it is hardly used."""
 CORRECTIONS = 3
@@ -95,15 +101,21 @@ def work(
             with timings.timed("read"):
                 high = high_surface.read(context, job, settings, timings, wanted.mending)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
-            lows = yield from part(_Making(context, high, judge).lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
+            making = _Making(context, high, judge, settings)
+            lows = yield from part(making.lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
         unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
         lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
-        carrying = skin.carry(context, [low.obj for low in lows if low.how.is_made])
-        notes = yield from part(carrying, UNWRAPPED, UNWRAPPED)
-        jobs = [_job_of(low, job, context, settings, high) for low in lows]
+        jobs, sharing = [_job_of(low, job, context, settings, high) for low in lows], []
+        if wanted.levels > wanted.own_levels:
+            sharing = yield from part(making.sharing(lows[0], jobs[0], timings), UNWRAPPED, SHARED)
+        carrying = skin.carry(context, [low.obj for low in [*lows, *sharing] if low.how.is_made])
+        notes = yield from part(carrying, SHARED, SHARED)
         reports = yield from part(
-            _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), UNWRAPPED, 1.0
+            _baked(context, jobs, lows, settings, pace, wants=replace(wants, seen=True)), SHARED, LOOKED
         )
+        if sharing:
+            reports += yield from part(_shown(sharing, reports[0], making), LOOKED, 1.0)
+        lows += sharing
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
         reports[0] = reports[0].with_warnings(notes)
         for low in lows[1:]:
@@ -119,7 +131,8 @@ def known_low(
 ) -> bpy.types.Object | None:
     """The low object that belongs to the first of these by its name; None without one."""
     context.view_layer.update()  # a script may have made objects
-    low = context.view_layer.objects.get(naming.low_name_of(highs[0].name, suffixes))
+    name = naming.low_name_of(highs[0].name, suffixes)
+    low = context.view_layer.objects.get(name) or context.view_layer.objects.get(name + naming.FIRST_LEVEL)
     return low if low is not None and low.type == "MESH" and low not in highs else None
 
 
@@ -142,20 +155,72 @@ class _Making:
     context: bpy.types.Context
     high: HighSurface
     judge: AppearanceJudge
+    settings: Settings
 
     def lows(self, job: Job, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
-        """`known`, or a new low object in its place, and levels of detail. Raises BakeError."""
+        """`known`, or a new low object in its place, and levels of detail with textures of their own. Raises BakeError."""
         first, lows = job.highs[0], list(known)
-        name = known[0].obj.name if known else naming.low_name_of(first.name, suffixes)
-        names = [name, *naming.level_names(name, wanted.levels)]
-        home = next(iter(first.users_collection), None)
-        maker, left = None, range(len(known), 1 + wanted.levels)
+        name, home = naming.low_name_of(first.name, suffixes), next(iter(first.users_collection), None)
+        if known:
+            name, home = known[0].obj.name, next(iter(known[0].obj.users_collection), None)
+        if wanted.levels and (wanted.owns_textures or not known):
+            home = self._collection(naming.of_levels(name, suffixes.low), home)
+        names = [name if known or not wanted.levels else name + naming.FIRST_LEVEL]
+        names += naming.level_names(naming.of_levels(name, suffixes.low), wanted.own_levels)
+        maker, left = None, range(len(known), len(names))
         for done, level in enumerate(left):
             limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
             obj = self._object(low.data, names[level], home)
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         return lows
+
+    def sharing(self, low: Low, job: Job, timings: Timings) -> Task[list[Low]]:
+        """Levels of detail that show the textures of a low object, which has its UV map. job: of its bake."""
+        wanted, name = low.wanted, naming.of_levels(low.obj.name)
+        room = unwrapping.margin(self.settings.sampling)
+        original = decimation.read_original(self.context, low.obj, "", self.settings.map.modifiers, with_normals=True)
+        samples = replace(self.high.samples, points=self.high.samples.points + self.high.origin)
+        source, texels, result = LayoutSource(original, samples, room), None, list[Low]()
+        if not wanted.has_count:
+            texels = yield from part(self.judge.normal_map(low.obj, job.size or appearance_judge.SIDE), 0.0, 0.3)
+        home = next(iter(low.obj.users_collection), None)
+        if not low.how.is_made:
+            home = self._collection(name, home)
+        before, begin = source.triangles, 0.0 if texels is None else 0.3
+        for number, level_name in enumerate(naming.level_names(name, wanted.levels), start=1):
+            limit = wanted.of_level(number, before)
+            ends = (begin + (1.0 - begin) * share / wanted.levels for share in (number - 1, number))
+            mesh, measured = yield from part(self._shared(source, limit, texels, timings), *ends)
+            before = mesh.triangles
+            mesh.data.name = level_name
+            obj = bpy.data.objects.new(level_name, mesh.data)
+            (home or self.context.scene.collection).objects.link(obj)
+            obj.matrix_world = low.obj.matrix_world
+            how = HowMade(
+                is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
+            )
+            result.append(Low(obj, limit, how))
+        return result
+
+    def _shared(
+        self, source: LayoutSource, limit: Wanted, texels: np.ndarray | None, timings: Timings
+    ) -> Task[tuple[UvMesh, int]]:
+        """A level that shows the textures of the low object, and how many were measured. texels: of its normal map."""
+        yield Progress(f"Decimating to {limit.triangles:,} triangles", 0.0)
+        if limit.has_count or texels is None:
+            with timings.timed("decimate"):
+                return source.make(limit.triangles)[0], 0
+        judge = partial(self.judge.shared, limit, texels=texels)
+        search = Search(limit.search_limit, judge, UvMesh.remove)
+        found = yield from search.min_triangles(source, max(LEAST, limit.triangles // 2), limit.triangles)
+        return found.mesh, search.count
+
+    def _collection(self, name: str, within: bpy.types.Collection | None) -> bpy.types.Collection:
+        """A new collection for the levels of detail of an object. within: where it lies; None for that of the scene."""
+        made = bpy.data.collections.new(name + naming.LEVELS)
+        (within or self.context.scene.collection).children.link(made)
+        return made
 
     def _low(self, wanted: Wanted, maker: Source | None) -> Task[tuple[LowMesh, Source, int]]:
         """A low mesh within its limits, or as near as can be, its maker, and how many were measured. maker: None for the
@@ -265,6 +330,35 @@ def _baked(
             f"So coarse a mesh shows nothing of {jobs[0].highs[0].name!r} on so small a map: allow more triangles, or set a "
             "larger map."
         ) from error
+
+
+def _shown(sharing: Sequence[Low], report: Report, making: _Making) -> Task[list[Report]]:
+    """The reports of levels that show the textures of the low object. report: its own."""
+    image, slots = datablocks.get(report.image), report.refs[0].resolve().material_slots
+    shown = foreach.pixels(image) if image is not None and report.appearance else None
+    reports = []
+    for done, low in enumerate(sharing):
+        low.obj.data.materials.clear()
+        for slot in slots:
+            low.obj.data.materials.append(slot.material)
+        seen = None
+        if shown is not None:
+            looking = making.judge.with_map(low.obj, shown)
+            seen = yield from part(looking, done / len(sharing), (done + 1) / len(sharing))
+        reports.append(
+            replace(
+                report,
+                low=low.obj.name,
+                refs=[ObjectRef.of(low.obj), *report.refs[1:]],
+                triangles=report.triangles | {"low": len(low.obj.data.polygons)},
+                appearance=seen.to_dict() if seen is not None else {},
+                seconds=Timings().seconds,
+                warnings=[],
+                ratings={},
+                state=None,
+            )
+        )
+    return reports
 
 
 def _judged(report: Report, low: Low, high: HighSurface | None) -> Report:

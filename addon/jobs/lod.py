@@ -35,8 +35,6 @@ from .simplify.texel_judge import Deviations, TexelJudge
 
 SEARCHED = 0.85
 """The share of the work that is done before maps are baked."""
-COLLECTION = "_LODs"
-"""What is added to the object's name in the name of the levels' collection."""
 GAP = 0.2
 """The gap between levels that stand side by side, as a share of the width of the mesh."""
 
@@ -193,7 +191,7 @@ def _level_objects(
     context: bpy.types.Context, source: bpy.types.Object, data: Sequence[bpy.types.Mesh]
 ) -> tuple[bpy.types.Collection, list[bpy.types.Object]]:
     """Objects of the levels, where `source` is, in a new collection of the scene."""
-    collection = bpy.data.collections.new(source.name + COLLECTION)
+    collection = bpy.data.collections.new(source.name + naming.LEVELS)
     context.scene.collection.children.link(collection)
     objects = []
     for name, each in zip(naming.level_names(source.name, len(data)), data, strict=True):

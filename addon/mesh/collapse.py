@@ -138,7 +138,7 @@ class State:
         """Of a mesh as it is. Its points are moved, so that sums of squares stay exact."""
         center, size = box(points)
         points, triangles = (points.astype(np.float64) - center) / size, triangles.astype(np.int64)
-        return cls(points, triangles, _quadrics(points, triangles, weights))
+        return cls(points, triangles, quadrics_of(points, triangles, weights))
 
     def resume(self, start: PartialCollapse) -> None:
         """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""
@@ -158,10 +158,7 @@ class State:
         """Collapse some edges. Returns whether any did."""
         self._round += 1
         edges = EdgeTable.of(self.triangles, len(self.points))
-        is_border = np.zeros(len(self.points), bool)
-        is_border[edges.ends[edges.counts != 2]] = True
-        # An edge between two borders would join them, and at one of more than two triangles, faces have no order.
-        is_allowed = (edges.counts == 1) | ((edges.counts == 2) & ~is_border[edges.ends].all(axis=1))
+        is_allowed = self._allowed(edges)
         is_still = (self._changed[np.stack(np.divmod(self._refused, len(self.points)))] <= self._since).all(axis=0)
         self._refused, self._since = self._refused[is_still], self._since[is_still]
         is_allowed &= ~np.isin(edges.keys, self._refused)
@@ -169,7 +166,7 @@ class State:
         if not len(chosen):
             self._is_stuck = True
             return False
-        places, costs = self._optimal_placements(edges.keys[chosen], edges.ends[chosen])
+        places, costs = self._placed(edges, chosen)
         is_cheap = costs <= most_cost
         if not is_cheap.any():
             self._is_stuck = True
@@ -194,8 +191,23 @@ class State:
         moved = np.zeros(len(self.points), bool)
         moved[edges.ends[which[is_good]]] = True
         self._changed[edges.ends[moved[edges.ends].any(axis=1)]] = self._round + 1
-        self._collapse(edges.ends[which[is_good]], places[is_good])
+        self._collapse_edges(edges, which[is_good], places[is_good])
         return bool(is_good.any())
+
+    def _allowed(self, edges: EdgeTable) -> np.ndarray:
+        """Which edges (E,) bool may collapse."""
+        is_border = np.zeros(len(self.points), bool)
+        is_border[edges.ends[edges.counts != 2]] = True
+        # An edge between two borders would join them, and at one of more than two triangles, faces have no order.
+        return (edges.counts == 1) | ((edges.counts == 2) & ~is_border[edges.ends].all(axis=1))
+
+    def _placed(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where some edges (N,) collapse to (N, 3), and what that costs (N,)."""
+        return self._optimal_placements(edges.keys[chosen], edges.ends[chosen])
+
+    def _collapse_edges(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> None:
+        """Collapse edges (N,) to their places (N, 3)."""
+        self._collapse(edges.ends[which], places)
 
     def _optimal_placements(self, keys: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where edges (E, 2) collapse to (E, 3), and what that costs (E,). keys: (E,), of the edges, in order."""
@@ -300,7 +312,7 @@ class State:
         self.triangles = triangles[which]
 
 
-def _quadrics(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:
+def quadrics_of(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:
     """The quadrics of triangles and open edges. of_faces: (T,), the weights of triangles."""
     corners = points[triangles]
     normals, lengths = unit_normals(corners)
@@ -311,12 +323,17 @@ def _quadrics(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -
 def border_planes(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray, of_faces: np.ndarray) -> tuple:
     """Planes through open edges, across their triangles, as `summed` takes them. normals: (T, 3). of_faces: (T,)."""
     edges = EdgeTable.of(triangles)
-    side = np.sort(edges.alone)
-    face, ends = side // 3, np.stack([edges.first[side], edges.last[side]], axis=1)
+    return side_planes(points, edges, np.sort(edges.alone), normals, BORDER * of_faces)
+
+
+def side_planes(
+    points: np.ndarray, edges: EdgeTable, sides: np.ndarray, normals: np.ndarray, of_faces: np.ndarray
+) -> tuple:
+    """As `border_planes`, through some sides (N,) int of edges."""
+    face, ends = sides // 3, np.stack([edges.first[sides], edges.last[sides]], axis=1)
     along = points[ends[:, 1]] - points[ends[:, 0]]
     across = unit(np.cross(along, normals[face]))
-    weights = BORDER * of_faces[face] * (along**2).sum(axis=1)
-    return ends, across, points[ends[:, 0]], weights
+    return ends, across, points[ends[:, 0]], of_faces[face] * (along**2).sum(axis=1)
 
 
 def summed(planes: list[tuple], count: int) -> Quadrics:

@@ -142,16 +142,17 @@ def test_a_list_makes_nothing_and_a_second_call_has_nothing_left(folder, capfd):
     assert (folder / "out" / "ball.glb").stat().st_mtime_ns > before
 
 
-@pytest.mark.slow
-def test_levels_lie_in_one_file(folder):
-    assert command.run([*ASSET, "--levels", "1", "--report", "report.json"]) == 0
-    assert files(folder) == sorted(
-        ["ball.blend", "out/Ball_low.png", "out/Ball_low_LOD1.png", "out/ball.glb", "report.json"]
-    )
+@pytest.mark.parametrize("more", [[], pytest.param(["--own-textures"], marks=pytest.mark.slow)])
+def test_levels_lie_in_one_file(folder, more):
+    assert command.run([*ASSET, "--levels", "1", "--report", "report.json", *more]) == 0
+    maps = ["out/Ball_low.png", "out/Ball_low_LOD1.png"] if more else ["out/ball.png"]
+    assert files(folder) == sorted(["ball.blend", *maps, "out/ball.glb", "report.json"])
     (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
     assert [report["triangles"]["low"] for report in entry["reports"]] == [200, 100]
+    assert [report["low"] for report in entry["reports"]] == ["Ball_low_LOD0", "Ball_low_LOD1"]
     tree, _ = glb.parse(folder / "out" / "ball.glb")
-    assert len(tree["meshes"]) == 2
+    assert [node["name"] for node in tree["nodes"]] == ["Ball_low_LOD0", "Ball_low_LOD1"]
+    assert len(tree["meshes"]) == 2 and len(tree["images"]) == len(tree["materials"]) == (2 if more else 1)
 
 
 @pytest.mark.slow

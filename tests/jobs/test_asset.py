@@ -25,6 +25,7 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SETTINGS = Settings(width=64, height=64, storage="MEMORY", margin=2)
+SHARP = Settings(width=128, height=128, storage="MEMORY", margin=2)
 FEW = Wanted(triangles=400)
 MOST_OFF = 0.02
 """The share by which the number of triangles may be missed."""
@@ -360,13 +361,37 @@ def test_the_fewest_triangles_within_a_distance_are_found():
     assert report.asset["measured"] > 1 and report.asset["missed"] == []
 
 
-@pytest.mark.slow
-def test_levels_of_detail_follow_with_half_the_triangles():
-    reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2)))
-    assert [report.low for report in reports] == ["Ball_low", "Ball_low_LOD1", "Ball_low_LOD2"]
+def test_levels_of_detail_share_the_textures_of_the_first():
+    reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2), SHARP))
+    assert [report.low for report in reports] == ["Ball_low_LOD0", "Ball_low_LOD1", "Ball_low_LOD2"]
     assert [report.triangles["low"] for report in reports] == [400, 200, 100]
     lows = [bpy.data.objects[report.low] for report in reports]
     assert [low.visible_get() for low in lows] == [True, False, False]
+    assert list(bpy.data.collections["Ball_low_LODs"].objects) == lows
+    assert len({low.data.materials[0] for low in lows}) == len({report.image for report in reports}) == 1
+    assert reports[0].image == "Ball_low_normal"
+    seen = [report.appearance for report in reports]
+    assert seen[0]["mean"] < seen[1]["mean"] < seen[2]["mean"] < 4.0
+    for report, low in zip(reports[1:], lows[1:], strict=True):
+        points, triangles = arrays(low)
+        assert outwards(points, triangles).all() and report.asset["shares"] == "Ball_low_LOD0"
+        normals = mesh_reader.corner_normals(low.data).reshape(-1, 3)
+        places = points[triangles.reshape(-1)]
+        assert (normals * places).sum(axis=1).min() > np.cos(np.radians(8.0))
+    assert "Ball_low_LOD1: 200 triangles, with the UVs and the textures of Ball_low_LOD0" in "\n".join(
+        reports[1].summary()
+    )
+    assert asset.known_low(bpy.context, [bpy.data.objects["Ball"]], Suffixes()) == lows[0]
+
+
+@pytest.mark.slow
+def test_levels_of_detail_can_have_textures_of_their_own():
+    reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2, owns_textures=True)))
+    assert [report.low for report in reports] == ["Ball_low_LOD0", "Ball_low_LOD1", "Ball_low_LOD2"]
+    assert [report.triangles["low"] for report in reports] == [400, 200, 100]
+    lows = [bpy.data.objects[report.low] for report in reports]
+    assert [low.visible_get() for low in lows] == [True, False, False]
+    assert list(bpy.data.collections["Ball_low_LODs"].objects) == lows
     assert all(len(low.data.uv_layers) == len(low.data.materials) == 1 for low in lows)
     assert len({low.data.materials[0] for low in lows}) == len({report.image for report in reports}) == 3
     assert reports[0].appearance["mean"] < reports[1].appearance["mean"] < reports[2].appearance["mean"]

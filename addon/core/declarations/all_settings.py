@@ -132,11 +132,15 @@ ASSET: dict[str, Setting] = {
     ),
     "asset_levels": WholeNumber(
         label="Levels of Detail",
-        tooltip="How many coarser levels are made, with UV maps and maps of their own: each has half the triangles of the one "
-        "before it, or twice its limits",
+        tooltip="How many coarser levels are made: each has half the triangles of the one before it, or twice its limits",
         default=0,
         least=0,
         most=asset_limits.MOST_LEVELS,
+        option=None,
+    ),
+    "asset_own_textures": Switch(
+        label="Own Textures",
+        tooltip="Give each level a UV map and textures of its own, in place of those of the low mesh",
         option=None,
     ),
 }

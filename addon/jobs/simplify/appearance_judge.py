@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ...audit import appearance
 from ...audit.appearance import Appearance, SeenHighs, SeenPlaces, ShownMap
@@ -31,8 +32,9 @@ from ...scene.object_checks import ObjectRef
 from .. import unwrapping
 from ..bake import draw_raw
 from ..baked import Baked
-from ..job import Request, check_job
+from ..job import Request, check_job, read_meshes
 from ..temporary import TEMPORARY
+from .decimation import UvMesh
 from .high_surface import HighSurface
 from .low_meshes import LowMesh
 
@@ -115,8 +117,41 @@ class AppearanceJudge:
                     )
         return replace(seen, distance=distance)
 
+    def normal_map(self, low: bpy.types.Object, size: int) -> Task[np.ndarray | None]:
+        """The normal map of a low object with UVs as it is stored, (rows, columns, 4) float32; None if it shows nothing.
+
+        size: the side that it has at most.
+        """
+        settings = self._settings.of_at_most(size)
+        request = replace(self._request, job=self._request.job.but(low=low), settings=settings)
+        try:
+            drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")
+            _, maps = yield from drawing
+        except NothingDrawn:
+            return None
+        texels, _ = normal_space.stored(maps[udim.FIRST][NORMAL.name], settings)
+        return kept(texels, settings)
+
+    def with_map(self, low: bpy.types.Object, texels: np.ndarray) -> Task[Appearance | None]:
+        """What a viewer sees of a low object that shows the normal map of another one. texels: as `normal_map` returns them."""
+        meshes = read_meshes(self._context, replace(self._request, job=self._request.job.but(low=low)))
+        mesh = meshes.basis or meshes.low
+        looking = appearance.measure(
+            meshes.highs, mesh, ShownMap({udim.FIRST: texels}, normal_space.reading(self._settings.map))
+        )
+        return (yield from self._timed(looking, "look"))
+
+    def shared(self, wanted: Wanted, low: UvMesh, texels: np.ndarray) -> Task[Seen]:
+        """What has a limit, of a level that shows the map of the low object. texels: as `normal_map` returns them."""
+        with self._object_of(low) as obj:
+            obj.matrix_world = Matrix(low.to_world)
+            self._context.view_layer.update()
+            distance = self._high.distance(obj) if wanted.distance < math.inf else 0.0
+            seen = (yield from self.with_map(obj, texels)) if wanted.degrees < math.inf else None
+        return Seen(seen, distance)
+
     @contextmanager
-    def _object_of(self, low: LowMesh) -> Iterator[bpy.types.Object]:
+    def _object_of(self, low: LowMesh | UvMesh) -> Iterator[bpy.types.Object]:
         """An object of the scene with a low mesh, which is removed again."""
         obj = self._high.new_object(self._context, TEMPORARY, low.data)
         ref = ObjectRef.of(obj)

@@ -192,10 +192,12 @@ def _uvs_of(target: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
         bpy.data.node_groups.remove(nodes)
 
 
-def read_original(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str) -> UvMesh:
-    """Read an object with its modifiers. uv_layer: its name; empty for the active one. The copy is temporary.
+def read_original(
+    context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, *, with_normals: bool = False
+) -> UvMesh:
+    """Read an object with its modifiers. The copy is temporary. Raises BakeError.
 
-    Raises BakeError.
+    uv_layer: its name; empty for the active one. with_normals: whether custom normals stay.
     """
 
     def copied(depsgraph: bpy.types.Depsgraph) -> tuple[bpy.types.Mesh, np.ndarray]:
@@ -213,8 +215,8 @@ def read_original(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: s
         raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
     layer = uv_layer or mesh_reader.active_uv_layer(data)
     if (
-        "custom_normal" in data.attributes
-    ):  # they belong to corners that collapse: levels get those that Blender computes
+        not with_normals and "custom_normal" in data.attributes
+    ):  # corners collapse: levels get those that Blender computes
         data.attributes.remove(data.attributes["custom_normal"])
     mesh = UvMesh(data, layer, obj.name, to_world)
     if mesh.surface.not_finite:

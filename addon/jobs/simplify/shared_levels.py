@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes levels of detail that show the textures of a low mesh: coarser meshes with its UV layout.
+
+Their vertices move onto the high surface, their UVs to where the low mesh has them, and their normals are as near as can be to
+those of the low mesh, from which a normal map in tangent space counts.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import bpy
+import numpy as np
+
+from ...core import foreach
+from ...mesh import coarser_uvs, fitting
+from ...mesh.carried_normals import carried_normals
+from ...mesh.closest import Surface
+from ...mesh.collapse import CollapseOptions
+from ...mesh.fitting import Samples
+from ...mesh.layout_collapse import Charted, collapse_layout
+from ...mesh.triangles import barycentric, face_areas, unit
+from ...scene import mesh_reader, mesh_writer
+from ..temporary import TEMPORARY
+from .decimation import UvMesh
+
+FITTED = 30_000
+"""The samples of the high surface to which a level is fitted."""
+
+
+@dataclass(frozen=True, eq=False)
+class LayoutSource:
+    """A low mesh that coarser ones with its UV layout are made of.
+
+    Attributes:
+        mesh: The low mesh, with its corner normals.
+        samples: Of the high surface, in world space.
+        room: How far borders of islands may move outwards, as a share of the map's side.
+    """
+
+    mesh: UvMesh
+    samples: Samples
+    room: float
+
+    @property
+    def triangles(self) -> int:
+        return len(self._charted.triangles)
+
+    def make(self, triangles: int) -> list[UvMesh]:
+        """A mesh of about this many triangles."""
+        coarse = collapse_layout(self._charted, CollapseOptions(triangles), self.room)
+        on_line = coarse.on_line
+        points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
+        values = self._moved(replace(coarse, points=points), on_line)
+        normals = carried_normals((*self._surface, self._normals), points, coarse.triangles, coarse.wedges)
+        return [replace(self.mesh, data=self._written(replace(coarse, points=points, values=values), normals))]
+
+    def corrected(self, _candidate: object) -> None:
+        """It spares nothing."""
+
+    @cached_property
+    def _kept(self) -> np.ndarray:
+        """The numbers of the triangles that have an area."""
+        surface = self.mesh.surface
+        return np.flatnonzero(face_areas(surface.positions, surface.vertices[surface.triangles]) > 0.0)
+
+    @cached_property
+    def _charted(self) -> Charted:
+        surface, data = self.mesh.surface, self.mesh.data
+        corners = surface.triangles[self._kept]
+        values = np.concatenate([mesh_reader.uvs(data, layer.name)[corners] for layer in data.uv_layers], axis=2)
+        slots = foreach.read(data.polygons, "material_index")[surface.faces[self._kept]]
+        points = surface.positions.astype(np.float64)
+        return Charted(points, surface.vertices[corners], values.astype(np.float64), slots, len(data.uv_layers))
+
+    @cached_property
+    def _normals(self) -> np.ndarray:
+        return unit(self.mesh.surface.normals[self.mesh.surface.triangles[self._kept]].astype(np.float64))
+
+    @property
+    def _surface(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._charted.points, self._charted.triangles
+
+    @cached_property
+    def _tree(self) -> Surface:
+        points, triangles = self._surface
+        return Surface(points.astype(np.float32), triangles)
+
+    @cached_property
+    def _samples(self) -> Samples:
+        """In the space of the low mesh."""
+        to_local, some = np.linalg.inv(self.mesh.to_world), self.samples.spread(FITTED)
+        points = some.points @ to_local[:3, :3].T + to_local[:3, 3]
+        return replace(some, points=points, normals=unit(some.normals @ self.mesh.to_world[:3, :3]))
+
+    def _moved(self, coarse: Charted, on_line: np.ndarray) -> np.ndarray:
+        """The UVs (T, 3, K) of a coarser mesh, moved to those of the nearest places on the low mesh where no line is."""
+        points, triangles = self._surface
+        nearest, where, _ = self._tree.closest(coarse.points.astype(np.float32))
+        shares = barycentric(where.astype(np.float64), points[triangles[nearest]])
+        there = np.einsum("nc,ncx->nx", shares, self._charted.values[nearest])[coarse.triangles.reshape(-1)]
+        flat, corners = coarse.values.reshape(there.shape), np.arange(len(there)).reshape(-1, 3)
+        pairs = [slice(2 * layer, 2 * layer + 2) for layer in range(coarse.layers)]
+        moved = (
+            coarser_uvs.moved_uvs(flat[:, pair], there[:, pair], coarse.triangles.reshape(-1), corners, on_line)
+            for pair in pairs
+        )
+        return np.concatenate(list(moved), axis=1).reshape(coarse.values.shape)
+
+    def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
+        """A mesh with the materials and the names of UV layers of the low one."""
+        data, source = bpy.data.meshes.new(TEMPORARY), self.mesh.data
+        mesh_writer.fill(data, coarse.points, coarse.triangles)
+        data.update(calc_edges=True)
+        data.polygons.foreach_set("use_smooth", np.ones(len(coarse.triangles), bool))
+        data.polygons.foreach_set("material_index", coarse.labels.astype(np.int32))
+        for material in source.materials:
+            data.materials.append(material)
+        for number, layer in enumerate(source.uv_layers):
+            made = data.uv_layers.new(name=layer.name)
+            uv = coarse.values[..., 2 * number : 2 * number + 2].astype(np.float32)
+            made.uv.foreach_set("vector", np.ascontiguousarray(uv).reshape(-1))
+        data.uv_layers.active = data.uv_layers[self.mesh.layer]
+        for layer in source.uv_layers:
+            data.uv_layers[layer.name].active_render = layer.active_render
+        custom = data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+        custom.data.foreach_set("vector", normals.astype(np.float32).reshape(-1))
+        data.update()
+        return data
