@@ -29,6 +29,8 @@ DIRECTIONS = 2
 """The directions in which an island without straight borders is tried in each quarter of the circle, evenly."""
 STRAIGHT = 0.3
 """The share of an island's outline that runs along one direction, or across, from which on it is upright then."""
+UPRIGHT = 1.0005
+"""An island alone is upright unless it could be so much longer otherwise."""
 RULES = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))
 """Which place is the lowest: the weights of the height of the island's center there and of its top."""
 NOISE, SEED = 0.3, 1
@@ -248,7 +250,7 @@ class _Search:
         used, of = np.unique(islands, return_inverse=True)
         order = np.argsort(of, kind="stable")
         corners, self.owner = corners[order], of[order]
-        self.count = len(used)
+        self.given, self.count = corners, len(used)
         angles, self.is_straight = upright(corners, self.owner)
         turns = _rotations(angles)
         turned = np.einsum("tij,tcj->tci", turns[self.owner], corners)
@@ -271,6 +273,8 @@ class _Search:
         """Where islands go at the largest size that is found."""
         if not self.areas.sum() > 0.0 or self.side < 1:
             return None
+        if self.count == 1:
+            return self._alone()
         least = self.side * np.sqrt(LEAST_SHARE / self.areas.sum())
         size = max(self._size(FULL * self.side**2), least)
         best, smallest_too_large, work, tries, done = None, np.inf, 0, 0, 0.0
@@ -291,8 +295,29 @@ class _Search:
                 if following <= largest or following >= smallest_too_large:
                     following = np.sqrt(largest * smallest_too_large)
                 if following / largest < FINE or (tries >= TRIES and (self.is_quick or work > WORK)):
-                    return self.upright.then(best)
+                    return self._filling(self.upright.then(best))
             size = following
+
+    def _filling(self, places: _Places) -> _Places:
+        """Places so that islands just reach two opposite sides of the map, with the margin."""
+        points = (
+            np.einsum("tij,tcj->tci", places.matrices[self.owner], self.given) + places.offsets[self.owner][:, None]
+        )
+        least, most = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+        factor = (1.0 - 2.0 * self.margin) / max((most - least).max(), 1e-300)
+        return _Places(places.matrices * factor, self.margin + (places.offsets - least) * factor)
+
+    def _alone(self) -> _Places:
+        """One island, in the smallest square: upright, if others are hardly smaller."""
+        points = self.corners.reshape(-1, 2)
+        sides, turns = [], [0.0]
+        for step in (np.pi / 360, np.pi / 36000):
+            middle = turns[int(np.argmin(sides))] if sides else 0.25 * np.pi
+            turns += (middle + step * np.arange(-90, 91)).tolist()
+            for turn in turns[len(sides) :]:
+                sides.append(float(np.ptp(points @ _rotations(np.array([turn]))[0].T, axis=0).max()))
+        best = 0 if sides[0] <= min(sides) * UPRIGHT else int(np.argmin(sides))
+        return self._filling(self.upright.then(_Places(_rotations(np.array([turns[best]])), np.zeros((1, 2)))))
 
     def _need(self, size: float) -> float:
         """About the cells that islands take, with the margin around them."""

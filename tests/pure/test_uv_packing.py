@@ -173,3 +173,20 @@ def test_without_straight_borders_the_box_is_the_smallest():
     corners = np.stack([0.0 * rim[:-1], rim[:-1], rim[1:]], axis=1)
     (angle,), (is_straight,) = uv_packing.upright(corners, np.zeros(90, int))
     assert np.degrees(angle) % 90.0 == pytest.approx(60.0, abs=1.0) and not is_straight
+
+
+def test_an_island_alone_fills_the_smallest_square():
+    """A square fills the map. A strip lies along the diagonal: with the sides 8 and 1, in a square of 9 / sqrt(2)."""
+    corners, islands = boxes([(1.0, 1.0)], [0.5])
+    assert area(pack(corners, islands, MARGIN)) == pytest.approx((1.0 - 2.0 * MARGIN) ** 2)
+    corners, islands = boxes([(8.0, 1.0)], [0.3])
+    packed = pack(corners, islands, MARGIN)
+    assert area(packed) == pytest.approx(16.0 / 81.0 * (1.0 - 2.0 * MARGIN) ** 2, rel=1e-3)
+    assert packed.min() == pytest.approx(MARGIN) and packed.max() == pytest.approx(1.0 - MARGIN)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_packed_islands_reach_the_margin(seed):
+    packed = pack(*random_islands(seed), MARGIN, is_quick=True).reshape(-1, 2)
+    assert packed.min(axis=0) == pytest.approx([MARGIN] * 2)
+    assert packed.max() == pytest.approx(1.0 - MARGIN)
