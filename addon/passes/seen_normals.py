@@ -33,6 +33,8 @@ HIGH_ALONE_PASS = shader.Program(
     outputs=(("VEC4", "compared_out"),),
 )
 
+HALF_PASS = replace(HIGH_ALONE_PASS, fragment="audit/seen_half_frag.glsl", outputs=(("VEC4", "half_out"),))
+
 FORMATS = "RGBA32F", "DEPTH_COMPONENT32F"
 """Of pictures."""
 
@@ -52,6 +54,14 @@ def draw_high(
         _see_both_sides()
         for batch, normal_matrix in meshes:
             target.draw_bound(HIGH, batch, view_projection=shader.mat4(view), shading=shader.mat4(normal_matrix))
+
+
+def half(high: gpu.types.GPUTexture, side: int) -> gpu.types.GPUTexture:
+    """Every second pixel of a picture from `draw_high`, `side` in both directions: no normals or depths are mixed. It is what a
+    view shows that is moved by half of its pixels."""
+    into = target.Target(side, side, FORMATS[:1])
+    target.fill(into, HALF_PASS, seen_high=high)
+    return into.texture
 
 
 def compare(

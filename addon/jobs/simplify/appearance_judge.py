@@ -102,7 +102,8 @@ class AppearanceJudge:
     def quickly(self, low: LowMesh) -> Task[Seen]:
         """What a viewer sees of a low mesh, on a small map with one sample."""
         with self._object_of(low) as obj:
-            return (yield from self._seen(obj, low, self._settings.of_at_most(QUICK_SIDE).sampled(samples=1)))
+            settings = self._settings.of_at_most(QUICK_SIDE).sampled(samples=1)
+            return (yield from self._seen(obj, low, settings, is_quick=True))
 
     def within(self, wanted: Wanted, low: LowMesh) -> Task[Seen]:
         """What has a limit, of a low mesh with the samples and the size of the finished one. Raises NoGpu."""
@@ -161,8 +162,17 @@ class AppearanceJudge:
             if ref.find() is not None:
                 bpy.data.objects.remove(ref.find())
 
-    def _seen(self, obj: bpy.types.Object, low: LowMesh, settings: Settings, texel: float | None = None) -> Task[Seen]:
-        """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set."""
+    def _seen(
+        self,
+        obj: bpy.types.Object,
+        low: LowMesh,
+        settings: Settings,
+        texel: float | None = None,
+        *,
+        is_quick: bool = False,
+    ) -> Task[Seen]:
+        """Give a low mesh a UV map, bake its normals, and look at it. texel: the side of one; None for the size that is set.
+        is_quick: whether fewer pixels do."""
         yield Progress(f"Unwrapping {low.triangles:,} triangles", 0.0)
         yield from part(self._timed(unwrapping.work(obj, settings, is_quick=True), "unwrap"), 0.0, 0.1)
         if texel is not None:
@@ -176,14 +186,14 @@ class AppearanceJudge:
             baked, maps = yield from part(drawing, 0.1, 0.5)
         except NothingDrawn:
             return Seen(None, is_drawn=False)
-        looking = self._timed(self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.samples), "look")
-        return (yield from part(looking, 0.5, 1.0))
+        looking = self._looked_at(baked, maps[udim.FIRST][NORMAL.name], low.source.samples, is_quick=is_quick)
+        return (yield from part(self._timed(looking, "look"), 0.5, 1.0))
 
     def _timed(self, work: Task, stage: str) -> Task:
         """`work`, with its time added to a stage. The time between its steps does not count."""
         return relay(work, within=lambda: self._timings.timed(stage))
 
-    def _looked_at(self, baked: Baked, normals: np.ndarray, samples: Samples) -> Task[Seen]:
+    def _looked_at(self, baked: Baked, normals: np.ndarray, samples: Samples, *, is_quick: bool) -> Task[Seen]:
         """The shading error of a low mesh, if it can be measured, and what is seen of samples of the surface.
 
         normals: as baking.Renderer.raw returns them.
@@ -193,6 +203,7 @@ class AppearanceJudge:
             return Seen(None)
         low = meshes.basis or meshes.low
         seen = yield from part(appearance.seen_highs(meshes.highs, [low]), 0.0, 0.5)
+        seen = seen.half if is_quick else seen
         if self._places is None or self._places[0] is not samples or self._places[1] is not seen:
             in_world = replace(samples, points=samples.points + self._high.origin)
             self._places = samples, seen, seen.places(in_world)
