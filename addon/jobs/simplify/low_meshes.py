@@ -46,8 +46,8 @@ MOST_SHARED = 0.8
 FITTED = 10_000, 60_000
 """The fewest and the most samples of the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
 triangle of the low mesh."""
-AFTER_FLIPS = FitOptions(rounds=2)
-"""How low meshes are fitted again after edges have flipped."""
+FIT = FitOptions(rounds=2)
+"""How low meshes are fitted, before edges flip and after that."""
 COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 REMESH_BIAS = 1.1
@@ -135,9 +135,9 @@ class DecimationSource:
         with self.timings.timed("decimate"):
             data = self._unfolded_low(triangles)
             points, corners = arrays(data)
-            points, nearest = fitting.fit(points, corners, self.samples)
+            points, nearest = fitting.fit(points, corners, self.samples, FIT)
             flipped, nearest = flips.flip(points, corners, self.samples, nearest)
-            points, nearest = fitting.fit(points, flipped, self.samples, AFTER_FLIPS, nearest)
+            points, nearest = fitting.fit(points, flipped, self.samples, FIT, nearest)
             bpy.data.meshes.remove(data)
             data = new_mesh(points, flipped)
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
