@@ -98,11 +98,13 @@ class FitOptions:
         rounds: how often the closest points are looked for: they change as vertices move.
         smooth: how much the differences of neighbors' moves count, against the distances of samples.
         pull: how much the moves themselves count.
+        free: (V, 3, 3), onto the directions in which each vertex may move; None for all.
     """
 
     rounds: int = 4
     smooth: float = 0.02
     pull: float = 0.001
+    free: np.ndarray | None = None
 
 
 def fit(
@@ -241,18 +243,27 @@ class _System:
         """The moves (V, 3), by conjugate gradients from `moves`. missing: (N, 3), the way from each sample's place."""
         ways = (self._weights[:, :, None] * missing[:, None, :]).reshape(-1, 9)
         pulls = sums_of(self._of_samples, ways, len(self._triangles)).reshape(-1, 3, 3)
-        rest = self._gathered(pulls) - self._applied(moves)
-        along, power = rest, (rest * rest).sum(axis=0)
+        rest = self._freed(self._gathered(pulls) - self._applied(moves))
+        along, power = rest, self._sums(rest * rest)
         enough = 1e-12 * np.maximum(power, 1e-300)
         for _ in range(GRADIENT_STEPS):
             if (power <= enough).all():
                 break
-            image = self._applied(along)
-            share = power / np.maximum((along * image).sum(axis=0), 1e-300)
+            image = self._freed(self._applied(along))
+            share = power / np.maximum(self._sums(along * image), 1e-300)
             moves, rest = moves + share * along, rest - share * image
-            before, power = power, (rest * rest).sum(axis=0)
+            before, power = power, self._sums(rest * rest)
             along = rest + power / np.maximum(before, 1e-300) * along
         return moves
+
+    def _freed(self, moves: np.ndarray) -> np.ndarray:
+        """The part of moves (V, 3) along the directions that are free."""
+        return moves if self._options.free is None else np.einsum("vij,vj->vi", self._options.free, moves)
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """The sums (3,) of values (V, 3): of each axis alone, unless free directions join them."""
+        sums = values.sum(axis=0)
+        return sums if self._options.free is None else np.full(3, sums.sum())
 
     def _applied(self, moves: np.ndarray) -> np.ndarray:
         result = self._gathered(self._products @ moves[self._triangles])

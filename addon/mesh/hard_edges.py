@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import topology
+from .planes import SOFT
 from .topology import EdgeTable
 from .triangles import cross, dot, unit, unit_normals
 
-HARD = np.radians(40.0)
-"""The angle between planes from which the edge between them is hard, as for files without normals."""
 LOST = np.radians(60.0)
 """The angle from which an edge within a group is hard, too: the round that it stands for is gone."""
 
@@ -18,7 +17,7 @@ LOST = np.radians(60.0)
 def smooth_groups(triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """The group (T,) int of each triangle (T, 3): those that no hard edge parts. normals: (T, 3), of their planes."""
     one, other = (side // 3 for side in EdgeTable.of(triangles).pairs)
-    is_soft = (normals[one] * normals[other]).sum(axis=1) > np.cos(HARD)
+    is_soft = (normals[one] * normals[other]).sum(axis=1) > np.cos(SOFT)
     return topology.connected(len(triangles), one[is_soft], other[is_soft])
 
 

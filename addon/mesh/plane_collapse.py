@@ -19,7 +19,7 @@ from .planes import LARGE, Planes
 from .topology import EdgeTable
 from .triangles import checked, face_areas, face_normals, quality, unit
 
-FIRST_COST, MOST_COST, FACTOR = 1e-10, 16.0, 2.0
+FIRST_COST, MOST_COST, FACTOR = 1e-10, 1e6, 2.0
 """The least and the most costs to which a mesh is collapsed, and the factor from each to the next, for a box whose longest side
 is 1: areas by squares of distances."""
 LEAST_COSINE, LEAST_QUALITY = 0.2, 1e-3
@@ -27,6 +27,9 @@ LEAST_COSINE, LEAST_QUALITY = 0.2, 1e-3
 harm in a plane."""
 LEAST_LEFT = 0.99
 """The share of the wanted triangles that is left at least when something is closed."""
+STIFF, SIDE = 1e4, 0.01
+"""How many times as much planes count that are no rounds, and the share of the surface from which they do: a large one that is
+tilted by a thousandth costs little, and is seen."""
 FINER = 4.0, 64.0
 """By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow."""
 
@@ -46,7 +49,9 @@ class OnPlanes:
     of: np.ndarray
 
 
-def collapse_on_planes(points: np.ndarray, triangles: np.ndarray, planes: Planes, wanted: int) -> OnPlanes:
+def collapse_on_planes(
+    points: np.ndarray, triangles: np.ndarray, planes: Planes, wanted: int, closing: float = 1.0
+) -> OnPlanes:
     """A mesh of about `wanted` triangles, or of more where no edge can collapse.
 
     >>> coarse = collapse_on_planes(points, triangles, planes(points, triangles), 12)
@@ -58,6 +63,7 @@ def collapse_on_planes(points: np.ndarray, triangles: np.ndarray, planes: Planes
         triangles: (T, 3) int, with shared vertices, and areas above 0.
         planes: of the triangles.
         wanted: how many are left.
+        closing: a factor on what it costs to close something.
     """
     points, triangles = checked(points, triangles)
     center, size = collapse.box(points)
@@ -67,7 +73,7 @@ def collapse_on_planes(points: np.ndarray, triangles: np.ndarray, planes: Planes
     while len(state.triangles) > wanted and cost < MOST_COST:
         cost *= FACTOR
         for factor in FINER:
-            state.close(wanted, cost, factor)
+            state.close(wanted, cost / closing, factor)
         state.run(wanted, cost)
     left = state.triangles
     if len(left) < len(triangles):
@@ -81,7 +87,10 @@ class _State(State):
 
     def __init__(self, points: np.ndarray, triangles: np.ndarray, planes: Planes, size: float):
         self._plane_of, self._normals, self._areas = planes.of, planes.normals, planes.areas / size**2
-        self._is_large = self._areas > LARGE * self._areas.sum()
+        shares = self._areas / self._areas.sum()
+        self._is_large = shares > LARGE
+        stiffness = STIFF * np.minimum(shares / SIDE, 1.0) ** 2
+        self._weights = self._areas * np.where(planes.is_round, 1.0, 1.0 + stiffness)
         self.of = np.arange(len(triangles))
         super().__init__(points, triangles, self._quadrics(points, triangles, planes.of))
 
@@ -122,7 +131,7 @@ class _State(State):
         count = len(self._areas)
         pairs = np.unique(triangles * count + of[:, None])
         vertices, which = np.divmod(pairs, count)
-        parts = [(vertices[:, None], self._normals[which], points[vertices], self._areas[which])]
+        parts = [(vertices[:, None], self._normals[which], points[vertices], self._weights[which])]
         if border:
             parts.append(collapse.border_planes(points, triangles, self._normals[of], np.ones(len(triangles))))
         return collapse.summed(parts, len(points))

@@ -15,8 +15,14 @@ OFF = 1e-5
 """How far from their plane vertices may lie, as a share of the diagonal: files round by less."""
 THIN = 10.0
 """By how many times as much triangles are higher whose normals are known."""
+SOFT, ALIKE = np.radians(40.0), 2.0
+"""The angle up to which planes turn little, and the factor up to which their areas are about the same."""
+LEAST_HELD = 5e-4
+"""The share of the surface from which vertices stay in a plane."""
+PARALLEL = 1e-4
+"""The least square of the sine between planes whose normals differ."""
 LARGE = 0.005
-"""The share of the surface from which a plane is a side of it."""
+"""The share of the surface from which a plane is large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +34,34 @@ class Planes:
         normals: (P, 3) float64.
         offsets: (P,) float64, so that x . normal = offset for places x on a plane.
         areas: (P,) float64.
+        is_round: (P,) bool, which ones turn little to a neighbor of about their area, as the strips of a cylinder do.
     """
 
     of: np.ndarray
     normals: np.ndarray
     offsets: np.ndarray
     areas: np.ndarray
+    is_round: np.ndarray
 
     @property
     def large_share(self) -> float:
-        """The share of the area in planes that are sides of the surface."""
+        """The share of the area in planes of several triangles that are large."""
         total = float(self.areas.sum())
         counts = np.bincount(self.of, minlength=len(self.areas))
-        return float(self.areas[(self.areas > LARGE * total) & (counts > 1)].sum()) / max(total, 1e-300)
+        is_large = (self.areas > LARGE * total) & (counts > 1)
+        return float(self.areas[is_large].sum()) / max(total, 1e-300)
+
+    def free_directions(self, triangles: np.ndarray, of: np.ndarray, count: int) -> np.ndarray:
+        """Matrices (count, 3, 3) onto the directions in which vertices leave no plane, but round and tiny ones.
+
+        triangles: (T, 3) int, of `count` vertices. of: (T,) int, their planes.
+        """
+        holds = ~self.is_round & (self.areas > LEAST_HELD * self.areas.sum())
+        which = np.flatnonzero(holds[of])
+        vertices, chosen = np.divmod(np.unique(triangles[which] * len(self.areas) + of[which, None]), len(self.areas))
+        products = (self.normals[chosen, :, None] * self.normals[chosen, None, :]).reshape(-1, 9)
+        values, axes = np.linalg.eigh(topology.sums_of(vertices, products, count).reshape(-1, 3, 3))
+        return np.einsum("vik,vk,vjk->vij", axes, (values < PARALLEL).astype(float), axes)
 
 
 def planes(points: np.ndarray, triangles: np.ndarray) -> Planes:
@@ -73,10 +94,23 @@ def planes(points: np.ndarray, triangles: np.ndarray) -> Planes:
         labels[is_flat] = roots[is_flat]
         left &= ~is_flat
     labels = _with_thin(labels, is_thin, table, long, corners)
+    # Thin triangles lie between parts of one plane, too.
+    of_labels, _ = _fitted(labels, long, corners)
+    joins = (of_labels[labels[one]] * of_labels[labels[other]]).sum(axis=1) > np.cos(ANGLES[1])
+    roots = topology.connected(len(triangles), labels[one[joins]], labels[other[joins]])[labels]
+    is_flat = _worst(roots, *_fitted(roots, long, corners), corners)[roots] < OFF * size
+    labels = np.where(is_flat, roots, labels)
     _, numbers = topology.numbered(labels)
     of_planes, offsets = _fitted(numbers, long, corners)
     count = int(numbers.max(initial=-1)) + 1
-    return Planes(numbers, of_planes[:count], offsets[:count], np.bincount(numbers, twice_areas / 2.0, count))
+    of_planes, areas = of_planes[:count], np.bincount(numbers, twice_areas / 2.0, count)
+    pairs = np.unique(np.sort(np.stack([numbers[one], numbers[other]], axis=1)), axis=0)
+    ratios = areas[pairs[:, 0]] / np.maximum(areas[pairs[:, 1]], 1e-300)
+    bends = (np.abs(np.log(np.maximum(ratios, 1e-300))) < np.log(ALIKE)) & (pairs[:, 0] != pairs[:, 1])
+    bends &= (of_planes[pairs[:, 0]] * of_planes[pairs[:, 1]]).sum(axis=1) > np.cos(SOFT)
+    is_round = np.zeros(count, bool)
+    is_round[pairs[bends]] = True
+    return Planes(numbers, of_planes, offsets[:count], areas, is_round)
 
 
 def _worst(labels: np.ndarray, normals: np.ndarray, offsets: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import topology
+from .topology import EdgeTable
 from .triangles import checked
 
 
@@ -54,6 +55,18 @@ def weld(
     ranks = np.empty(len(order), np.int64)
     ranks[order] = np.arange(len(order))
     return points[used[order]], ranks[numbers]
+
+
+def parted(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with vertices of its own for each part that edges of two triangles connect: solids that touch are apart again.
+
+    points: (V, 3). triangles: (T, 3) int, which keep their order.
+    """
+    table = EdgeTable.of(triangles)
+    one, other = (side[~table.is_against] // 3 for side in table.pairs)
+    parts = topology.connected(len(triangles), one, other)
+    keys, numbers = np.unique(parts[:, None] * len(points) + triangles, return_inverse=True)
+    return points[keys % len(points)], numbers.reshape(triangles.shape)
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from addon.mesh import flips, hard_edges, polygons
+from addon.mesh.fitting import FitOptions, fit, surface_samples
 from addon.mesh.plane_collapse import collapse_on_planes
 from addon.mesh.planes import planes
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import enclosed_volumes, face_areas, unit_normals
-from addon.mesh.welding import weld
+from addon.mesh.welding import parted, weld
 
 SEGMENTS = 32
 
@@ -244,6 +245,67 @@ def test_edges_are_turned_until_no_corner_is_in_a_circle():
     opposite = triangles[other // 3, (other % 3 + 2) % 3]
     assert in_circle(flat, triangles[one // 3], opposite).max() < 1e-6
     assert in_circle(flat, quads(cells)[one // 3], opposite).max() > 1e-3
+
+
+def test_a_plane_cut_in_two_by_thin_triangles_is_one():
+    """Two squares with a strip between them that is thinner than what files keep."""
+    y, gap = np.linspace(0.0, 1.0, 9), 2e-6
+    rows = [np.column_stack([np.full(9, x), y, np.zeros(9)]) for x in (-1.0, 0.0, gap, 1.0)]
+    lift = 1e-7 * np.random.default_rng(2).standard_normal(9)
+    rows[1][:, 2] = lift
+    here = np.arange(8)
+    cells = [
+        np.stack([here + 9 * row, here + 9 * row + 9, here + 9 * row + 10, here + 9 * row + 1], axis=1)
+        for row in range(3)
+    ]
+    found = planes(np.concatenate(rows), quads(np.concatenate(cells)))
+    assert len(found.areas) == 1
+
+
+def test_strips_of_a_cylinder_are_round_and_sides_of_a_box_are_not():
+    points, triangles = plate_with_hole()
+    found = planes(points, triangles)
+    assert np.array_equal(found.is_round, found.areas < 0.1)
+
+
+def test_vertices_move_within_planes_alone():
+    points, triangles = plate_with_hole(0.5)
+    found = planes(points, triangles)
+    free = found.free_directions(triangles, found.of, len(points))
+    kinds = np.round(np.trace(free, axis1=1, axis2=2)).astype(int)
+    outer = np.abs(points[:, :2]).max(axis=1) > 0.99
+    is_corner = np.abs(points[:, :2]).min(axis=1) > 0.99
+    assert (kinds[is_corner] == 0).all() and (kinds[outer & ~is_corner] == 1).all() and (kinds[~outer] == 2).all()
+    assert np.abs(free[~outer] @ (0.0, 0.0, 1.0)).max() < 1e-6
+    wide = surface_samples(*plate_with_hole(0.52), 20_000)
+    moved, _ = fit(points, triangles, wide, FitOptions(free=free))
+    assert (
+        np.abs(moved[outer, 2] - points[outer, 2]).max() < 1e-6
+        and np.abs(moved[~outer, 2] - points[~outer, 2]).max() < 1e-6
+    )
+    assert moved[is_corner] == pytest.approx(points[is_corner], abs=1e-6)
+    assert np.linalg.norm(moved[~outer, :2], axis=1) == pytest.approx(0.515, abs=0.006)
+
+
+def test_solids_that_touch_are_apart():
+    """Two boxes that share an edge, and two that share a vertex."""
+    box = soup(
+        *(band(square(2.0, 0.0, 4), square(2.0, 1.0, 4)), fan(square(2.0, 1.0, 4)), turned(fan(square(2.0, 0.0, 4))))
+    )
+    for shift in ((2.0, 2.0, 0.0), (2.0, 2.0, 1.0)):
+        points, triangles = soup(box, (box[0] + shift, box[1]))
+        assert len(points) < 2 * len(box[0])
+        apart, same = parted(points, triangles)
+        assert len(apart) == 2 * len(box[0]) and is_closed(same)
+        assert np.array_equal(apart[same], points[triangles])
+
+
+def test_what_is_dear_to_close_stays():
+    open_still = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e4)
+    closed = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e-4)
+    assert len(open_still.triangles) > 12 and len(closed.triangles) <= 30
+    assert volume(closed.points, closed.triangles) == pytest.approx(0.8, rel=1e-6)
+    assert volume(open_still.points, open_still.triangles) < 0.79
 
 
 def test_edges_between_planes_stay():

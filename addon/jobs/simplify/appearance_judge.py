@@ -47,7 +47,7 @@ SILHOUETTE_PENALTY_DEGREES = 90.0
 compared."""
 AFAR = 4
 """Texels along a side of the square that is one texel where a map with 8 bits is seen from afar: its second mip level."""
-BENT = 0.02
+BENT = 0.05
 """The degrees for which a degree counts between the normals of corners and their faces: renderers correct what is far off, and
 shadows grow from there. For hard surfaces alone: others have no flat sides on which that shows."""
 
