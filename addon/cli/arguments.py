@@ -385,7 +385,7 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     own, rest = ASSET.parser(program).parse_known_args(words)
     texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
-        mending = asset_limits.Mending.of_texts(own.crumbs, own.holes)
+        mending = asset_limits.Mending.of_texts(own.crumbs, own.holes, own.symmetry)
         wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, owns_textures=own.own_textures)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from ..core.asset_limits import A_METER, AUTO, CRUMBS, HOLES, TRIANGLES
+from ..core.declarations.choices import Symmetry
 from ..core.naming import did_you_mean
 from . import option_types
 from .options import FILE, JOBS, OPTIONS, RUN_OPTIONS, RUN_TITLE, CommandOption
@@ -197,6 +198,11 @@ ASSET = Command(
                 "Fill holes that are smaller than this share of the largest part; 0 keeps all",
                 {"default": str(HOLES), "metavar": "PERCENT"},
                 str(HOLES),
+            ),
+            "symmetry": CommandOption(
+                "Make the low mesh equal to its mirror image along an axis; auto if the high mesh does",
+                {"choices": [each.value.lower() for each in Symmetry], "default": "auto"},
+                "auto",
             ),
             "size": CommandOption(
                 f"Of the maps: {AUTO} for texels as small as the high meshes' triangles, 512{A_METER} for at "

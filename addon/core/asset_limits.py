@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from .declarations.choices import Symmetry
 from .errors import BakeError
 from .simplify import LEAST, Limit
 
@@ -39,16 +40,19 @@ class Mending:
     Attributes:
         crumbs: The share of the size of the largest part below which parts are left out; 0 for none.
         holes: The share of that size below which holes are filled; 0 for none.
+        symmetry: Along which axis low meshes equal their mirror images, if the surface does.
     """
 
     crumbs: float = CRUMBS / 100.0
     holes: float = HOLES / 100.0
+    symmetry: Symmetry = Symmetry.AUTO
 
     @classmethod
-    def of_texts(cls, crumbs: str, holes: str) -> "Mending":
+    def of_texts(cls, crumbs: str, holes: str, symmetry: str = Symmetry.AUTO) -> "Mending":
         """Percents in texts, each of which may be empty. Raises BakeError."""
         percents = [text.strip().removesuffix("%").strip() for text in (crumbs, holes)]
-        return cls(*(_number(text, "a size in percent") / 100.0 if text else 0.0 for text in percents))
+        shares = (_number(text, "a size in percent") / 100.0 if text else 0.0 for text in percents)
+        return cls(*shares, Symmetry(symmetry.upper()))
 
     def check(self) -> None:
         """Raise BakeError for sizes that no part can have."""
@@ -197,6 +201,8 @@ class HowMade:
     """The holes that were filled."""
     shares: str | None = None
     """The low object whose UVs and textures it has."""
+    symmetry: str | None = None
+    """The axis along which it equals its mirror image: X, Y or Z."""
     measured: int | None = None
     """How many low meshes were compared."""
     limits: dict[str, float] | None = None

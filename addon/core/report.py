@@ -330,6 +330,7 @@ class Report:
             way = "remeshed by voxels and decimated" if how["is_remeshed"] else "decimated"
             way += ", the last steps by quadrics" if how["is_collapsed"] else ""
             way += ", with its planes and straight edges" if how["keeps_planes"] else ""
+            way += f", symmetric along {how['symmetry']}" if how.get("symmetry") else ""
             tries = f"; {how['measured']} meshes were compared" if how["measured"] else ""
             inside = f", {how['inside']:.0%} of the area lies inside" if how["inside"] > 0.005 else ""
             lines.append(f"{self.low}: {self.triangles['low']:,} of {how['of']:,} triangles{inside}, {way}{tries}")

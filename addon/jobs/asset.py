@@ -266,6 +266,7 @@ class _Making:
             faults=self.high.bad_edge_share,
             crumbs=self.high.crumbs + source.left_out,
             holes=self.high.holes,
+            symmetry=source.mirror.name if source.mirror is not None else None,
             measured=measured,
             limits=wanted.to_dict(),
         )

@@ -11,6 +11,8 @@ MOST_AREA = 0.1
 """The share of the area that small parts have at most: a heap of gravel is made of them."""
 MOST_OF_PART = 0.5
 """The share of the size of a part that a hole has at most: the border of a sheet is none."""
+FAIR = 0.5
+"""The share of triangles from which on no part is left out that has the area for its own."""
 LEAST = 4
 """The triangles of which a closed part has at least."""
 
@@ -34,17 +36,27 @@ def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[n
     return chosen, int(np.count_nonzero(is_small))
 
 
-def largest(points: np.ndarray, triangles: np.ndarray, most: int) -> tuple[np.ndarray, int]:
-    """Which triangles (T,) bool are in the parts of most area that can do with `most` triangles together, and how many are not.
+def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float) -> tuple[np.ndarray, int]:
+    """Which triangles (T,) bool are in the parts of most area, and how many parts are not.
 
-    Edges cannot collapse beyond a tetrahedron, or the triangles that there are. Args as those of `is_crumb`.
+    Edges cannot collapse beyond a tetrahedron, or the triangles that there are: those of all parts that stay are `share` of the
+    wanted ones together. Parts that have the area of as many triangles as they take stay, too, unless the share is small.
+
+    Args:
+        points, triangles: as `is_crumb` takes them.
+        wanted: how many triangles a low mesh has.
+        share: of them, from 0 to 1.
     """
     labels = _labels(points, triangles)
     count = labels.max(initial=-1) + 1
-    order = np.argsort(-np.bincount(labels, face_areas(points, triangles), count), kind="stable")
+    areas, least = np.bincount(labels, face_areas(points, triangles), count), np.bincount(labels, minlength=count)
+    least = np.minimum(least, LEAST)
+    order = np.argsort(-areas, kind="stable")
     is_kept = np.zeros(count, bool)
-    is_kept[order] = np.cumsum(np.minimum(np.bincount(labels, minlength=count), LEAST)[order]) <= most
+    is_kept[order] = np.cumsum(least[order]) <= share * wanted
     is_kept[order[:1]] = True
+    if share >= FAIR:
+        is_kept |= areas * wanted >= 0.9 * least * areas.sum()
     return is_kept[labels], int(np.count_nonzero(~is_kept))
 
 

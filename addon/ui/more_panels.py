@@ -108,7 +108,7 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             settings.asset_distance,
             settings.asset_levels,
             is_count_given=settings.is_property_set("asset_triangles"),
-            mending=Mending.of_texts(settings.asset_crumbs, settings.asset_holes),
+            mending=Mending.of_texts(settings.asset_crumbs, settings.asset_holes, settings.asset_symmetry),
             owns_textures=settings.asset_own_textures,
         )
         active, highs = context.active_object, list(context.selected_objects)
@@ -152,7 +152,7 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         names = "asset_triangles", "asset_degrees", "asset_distance"
-        names += "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
+        names += "asset_symmetry", "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
         names += "asset_own_textures", "export"
         draw_props(split_layout(layout.column()), context.scene.imprint, *names)
 

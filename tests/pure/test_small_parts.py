@@ -61,12 +61,15 @@ def test_nothing_has_neither_crumbs_nor_holes():
 
 
 def test_the_largest_parts_have_room_for_their_least_triangles():
-    """The grid takes four, a square two."""
-    surface = joined(small(0.2), grid(4), small(0.4), small(0.3))
+    """The grid takes four triangles, a square two."""
+    surface, part = joined(small(0.2), grid(4), small(0.4), small(0.3)), np.repeat([0, 1, 2, 3], [2, 32, 2, 2])
     for most, kept in ((3, [1]), (4, [1]), (5, [1]), (6, [1, 2]), (8, [1, 2, 3]), (9, [1, 2, 3]), (10, [0, 1, 2, 3])):
-        part = np.repeat([0, 1, 2, 3], [2, 32, 2, 2])
-        chosen, left_out = small_parts.largest(*surface, most)
+        chosen, left_out = small_parts.largest(*surface, 40, most / 40)
         assert np.array_equal(chosen, np.isin(part, kept)) and left_out == 4 - len(kept), most
+    for wanted, kept in ((4, [1]), (16, [1, 2, 3]), (12, [1, 2]), (20, [0, 1, 2, 3])):
+        assert np.array_equal(small_parts.largest(*surface, wanted, 0.5)[0], np.isin(part, kept)), wanted
+    twins = joined(small(1.0), small(1.0, (0.0, 9.0, 0.0)))
+    assert [small_parts.largest(*twins, 4, share)[1] for share in (0.5, 0.49)] == [0, 1]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from .. import asset_limits, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
-from .choices import Directions, Hit, Storage
+from .choices import Directions, Hit, Storage, Symmetry
 from .kinds import (
     Choice,
     Color,
@@ -122,6 +122,19 @@ ASSET: dict[str, Setting] = {
         label="Holes",
         tooltip="Holes below this size, in percent of the largest part, are filled",
         default=str(asset_limits.HOLES),
+        option=None,
+    ),
+    "asset_symmetry": Choice(
+        label="Symmetry",
+        tooltip="Make the low mesh equal its mirror image",
+        default=Symmetry.AUTO,
+        items=(
+            Item(Symmetry.AUTO, "Auto", "If the high mesh does within 0.2 % of the size"),
+            Item(Symmetry.NONE, "None", "Both sides differ"),
+            Item(Symmetry.X, "X", "Left and right"),
+            Item(Symmetry.Y, "Y", "Front and back"),
+            Item(Symmetry.Z, "Z", "Top and bottom"),
+        ),
         option=None,
     ),
     "asset_fits_size": Switch(

@@ -43,6 +43,21 @@ class MarginType(StrEnum):
     ADJACENT_FACES = "ADJACENT_FACES"
 
 
+class Symmetry(StrEnum):
+    """Along which axis of the world a low mesh equals its mirror image. AUTO: what is measured."""
+
+    AUTO = "AUTO"
+    NONE = "NONE"
+    X = "X"
+    Y = "Y"
+    Z = "Z"
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Those that are tried, in this order."""
+        return {"AUTO": (0, 1, 2), "NONE": ()}[self] if len(self) > 1 else ("XYZ".index(self),)
+
+
 class Wrap(StrEnum):
     """Along which axes of the UVs the map is a tile that repeats."""
 

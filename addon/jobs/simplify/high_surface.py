@@ -14,14 +14,16 @@ import numpy as np
 from mathutils import Matrix
 
 from ...core.asset_limits import USUAL_MENDING, Mending
+from ...core.declarations.choices import Symmetry
 from ...core.errors import BakeError
 from ...core.progress import Timings
 from ...core.settings import Settings
 from ...engine import hidden_faces
-from ...mesh import orientation, small_parts, topology
+from ...mesh import mirrors, orientation, small_parts, topology
 from ...mesh.closest import Surface
 from ...mesh.edges import is_without_area
 from ...mesh.fitting import Samples, surface_samples
+from ...mesh.mirrors import Plane
 from ...mesh.topology import EdgeTable
 from ...mesh.triangles import diagonal, enclosed_volumes, face_areas, transformed
 from ...mesh.welding import ClusterOptions, cluster, weld
@@ -146,12 +148,22 @@ def read(
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
     is_seen = _seen(data, points, triangles, samples)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
-    sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
+    mirror = _mirror(points, triangles, outer, mending.symmetry, name)
+    sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad, mirror=mirror)
+    if len(mending.symmetry.axes) == 1:
+        sources = [each for each in sources if each.mirror is not None]
     return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes)
 
 
 def _sources(
-    data: bpy.types.Mesh, is_seen: np.ndarray, outer: Samples, timings: Timings, *, hidden: float, bad: float
+    data: bpy.types.Mesh,
+    is_seen: np.ndarray,
+    outer: Samples,
+    timings: Timings,
+    *,
+    hidden: float,
+    bad: float,
+    mirror: Plane | None,
 ) -> list[Source]:
     """What low meshes are made of.
 
@@ -161,6 +173,7 @@ def _sources(
         outer: samples of those.
         timings: as DecimationSource has them.
         hidden, bad: as HighSurface has these shares.
+        mirror: in which it is its own mirror image, so that low meshes are, too; None for none.
     """
     points, triangles = arrays(data)
     result, outside = [], data
@@ -169,14 +182,23 @@ def _sources(
     if bad > MOST_BAD_EDGES or hidden > MOST_HIDDEN:
         voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
         if voxels is not None:
-            result += sources_of(voxels, outer, timings, is_remeshed=True)
+            result += sources_of(voxels, outer, timings, is_remeshed=True, mirror=mirror)
     # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
         bias = REMESH_BIAS if result else 1.0
-        result += sources_of(outside, outer, timings, bias=bias)
+        result += sources_of(outside, outer, timings, bias=bias, mirror=mirror)
         on_planes = plane_meshes.source_of(outside, result[-1].samples, timings, bias)
         result += [on_planes] if on_planes is not None else []
     return result
+
+
+def _mirror(points: np.ndarray, triangles: np.ndarray, outer: Samples, symmetry: Symmetry, name: str) -> Plane | None:
+    """In which plane a surface is its own mirror image, among those that are asked for. Raises BakeError."""
+    axes = symmetry.axes
+    plane = mirrors.plane_of(points, triangles, outer, axes) if axes else None
+    if plane is None and len(axes) == 1:
+        raise BakeError(f"{name!r} is not its own mirror image along {symmetry}: choose another axis, or no symmetry.")
+    return plane
 
 
 def _thinned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,10 +16,11 @@ from mathutils import Matrix
 from ...core.asset_limits import OFF
 from ...core.progress import Timings
 from ...core.simplify import Candidate, Maker
-from ...mesh import face_weights, fitting, flips, folds, small_parts
+from ...mesh import face_weights, fitting, flips, folds, mirrors, small_parts
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
 from ...mesh.fitting import FitOptions, Samples, surface_samples
+from ...mesh.mirrors import Plane
 from ...scene import mesh_reader, mesh_writer
 from .. import temporary
 from ..temporary import TEMPORARY
@@ -64,6 +65,7 @@ class Source(Maker, Protocol):
     bias: float
     is_remeshed: bool
     left_out: int
+    mirror: Plane | None
     keeps_planes: bool
 
     @property
@@ -89,6 +91,7 @@ class DecimationSource:
             them, Decimate makes it all.
         partial: Where these collapses go on, so far.
         left_out: How many parts it lacks, since a low mesh has no triangles for them.
+        mirror: Where `data` was cut in half, so that low meshes equal their mirror images; None if it was not.
     """
 
     data: bpy.types.Mesh
@@ -102,10 +105,11 @@ class DecimationSource:
     partial: list[PartialCollapse] = field(default_factory=list)
     left_out: int = 0
     keeps_planes = False
+    mirror: Plane | None = None
 
     @property
     def triangles(self) -> int:
-        return len(self.data.polygons)
+        return len(self.data.polygons) * (1 if self.mirror is None else 2)
 
     @property
     def is_collapsed(self) -> bool:
@@ -119,13 +123,14 @@ class DecimationSource:
     def make(self, triangles: int) -> list["LowMesh"]:
         """A low mesh of about this many triangles, without the smallest parts, if all of them took too many."""
         source, low = self, None
+        own = triangles if self.mirror is None else (triangles + 1) // 2
         for share in SHARES_FOR_PARTS:
-            fewer = self._of_parts(int(share * triangles))
+            fewer = self._of_parts(own, share)
             if low is not None and fewer.left_out == source.left_out:
                 continue
             if low is not None:
                 low.remove()
-            source, low = fewer, fewer._made(triangles)
+            source, low = fewer, fewer._made(own)
             if low.triangles <= (1.0 + OFF) * triangles:
                 break
         return [low]
@@ -135,15 +140,31 @@ class DecimationSource:
         with self.timings.timed("decimate"):
             data = self._unfolded_low(triangles)
             points, corners = arrays(data)
-            points, nearest = fitting.fit(points, corners, self.samples, FIT)
-            flipped, nearest = flips.flip(points, corners, self.samples, nearest)
-            points, nearest = fitting.fit(points, flipped, self.samples, FIT, nearest)
+            points, corners, nearest = self._fitted(points, corners)
+            corners, nearest = flips.flip(points, corners, self.samples, nearest)
+            points, corners, nearest = self._fitted(points, corners, nearest)
             bpy.data.meshes.remove(data)
-            data = new_mesh(points, flipped)
+            data = new_mesh(
+                *((points, corners) if self.mirror is None else mirrors.joined(points, corners, self.mirror))
+            )
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)
         return LowMesh(data, self, nearest)
+
+    def _fitted(
+        self, points: np.ndarray, corners: np.ndarray, start: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A coarse mesh as fitting.fit moves it: its points, triangles, and the triangle of each sample. A half is moved beside
+        its mirror image. start: the triangle of each sample so far."""
+        if self.mirror is None:
+            points, nearest = fitting.fit(points, corners, self.samples, FIT, start)
+            return points, corners, nearest
+        whole, faces = mirrors.joined(points, corners, self.mirror)
+        count, mirrored = len(corners), self.mirror.both(self.samples)
+        start = None if start is None else np.concatenate([start, start + count])
+        moved, nearest = fitting.fit(whole, faces, mirrored, FIT, start)
+        return moved[: len(points)], faces[:count], nearest[: len(self.samples.points)] % count
 
     def corrected(self, candidate: Candidate) -> "DecimationSource | None":
         """The same mesh, whose edges collapse by what a viewer saw of a low one that its edges became."""
@@ -156,11 +177,11 @@ class DecimationSource:
         weights = face_weights.by_error(self.weights, triangles, self.samples.triangles, excess[nearest])
         return replace(self, weights=weights)
 
-    def _of_parts(self, triangles: int) -> "DecimationSource":
-        """The same mesh without the smallest parts, if all of them would take more than so many triangles."""
+    def _of_parts(self, triangles: int, share: float) -> "DecimationSource":
+        """The same mesh without the smallest parts, if all of them would take more than a share of so many triangles."""
         points, corners = arrays(self.dense)
-        is_kept, left_out = small_parts.largest(points, corners, triangles)
-        if not left_out:
+        is_kept, left_out = small_parts.largest(points, corners, triangles, share)
+        if not left_out or triangles >= len(corners):
             return self
         dense, number = new_mesh(points, corners[is_kept]), np.cumsum(is_kept) - 1
         samples = self.samples.chosen(is_kept[self.samples.triangles])
@@ -246,8 +267,12 @@ def sources_of(
     *,
     bias: float = 1.0,
     is_remeshed: bool = False,
+    mirror: Plane | None = None,
 ) -> list[DecimationSource]:
-    """A mesh as a source for Decimate, and for collapsing edges."""
+    """A mesh as a source for Decimate, and for collapsing edges. mirror: in which it is its own mirror image, if it is."""
+    if mirror is not None:
+        data = new_mesh(*mirrors.half(*arrays(data), mirror))
+        outer_samples = outer_samples.chosen(outer_samples.points[:, mirror.axis] >= mirror.place)
     dense = data if len(data.polygons) <= DENSE else decimated(data, DENSE)
     if dense is data and not is_remeshed:
         points, triangles = arrays(data)
@@ -257,7 +282,7 @@ def sources_of(
         samples = outer_samples.spread(FITTED[1])
         nearest, _, _ = Surface(*arrays(dense)).closest(samples.points.astype(np.float32))
         samples = replace(samples, triangles=nearest)
-    plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias)
+    plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias, mirror=mirror)
     return [plain, plain.weighted()]
 
 

@@ -50,6 +50,7 @@ class PlaneSource:
     is_remeshed = False
     is_collapsed = False
     left_out = 0
+    mirror = None
     keeps_planes = True
 
     @property

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mirror images of surfaces: found, cut and joined, with areas and volumes in closed form."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import mirrors
+from addon.mesh.fitting import surface_samples
+from addon.mesh.mirrors import Plane
+from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import enclosed_volumes, face_areas
+
+CUBE = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], float)
+FACES = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
+TRIANGLES = np.concatenate([FACES[:, :3], FACES[:, [0, 2, 3]]])
+WEDGE = CUBE * np.where(CUBE[:, 2:] > 0, (0.3, 0.8, 1.0), (1.0, 1.0, 1.0)) + np.where(
+    CUBE[:, 2:] > 0, (0.1, 0.0, 0.0), 0.0
+)
+"""A stump that is its own mirror image in Y alone."""
+
+
+def plane_of(points, axes=range(3)):
+    return mirrors.plane_of(points.astype(np.float32), TRIANGLES, surface_samples(points, TRIANGLES, 20_000), axes)
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        (CUBE, Plane(0, 0.0)),
+        (CUBE * (1.0, 2.0, 3.0) + (5.0, 0.0, 0.0), Plane(0, 5.0)),
+        (WEDGE, Plane(1, 0.0)),
+        (WEDGE[:, [1, 2, 0]] * 0.01, Plane(0, 0.0)),
+        (WEDGE[:, [2, 0, 1]] + (0.0, 0.0, 7.0), Plane(2, 7.0)),
+        (WEDGE + 0.2 * WEDGE[:, [1, 2, 0]], None),
+    ],
+)
+def test_the_plane_is_found(points, expected):
+    found = plane_of(points)
+    assert (found is None) == (expected is None)
+    if expected is not None:
+        assert found.axis == expected.axis and found.place == pytest.approx(expected.place, abs=0.01)
+
+
+@pytest.mark.parametrize(("moved", "is_found"), [(0.0035, True), (0.012, False)])
+def test_small_differences_count_from_two_thousandths_of_the_size_on(moved, is_found):
+    """A side of the cube turns about one of its edges, so that two thirds of it are far off, of a ninth of all."""
+    points = CUBE.copy()
+    points[5::2, 0] += moved
+    assert (plane_of(points, [0]) is not None) == is_found
+    assert plane_of(points, [0, 1]) == Plane(0 if is_found else 1, 0.0)
+
+
+def test_nothing_has_no_plane():
+    empty = np.zeros((0, 3)), np.zeros((0, 3), int)
+    assert mirrors.plane_of(*empty, surface_samples(*empty, 10)) is None
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("place", [0.0, 0.3, -0.999, 1.0, -1.0, 2.0, -2.0])
+def test_a_half_has_its_area_and_its_border_in_the_plane(axis, place):
+    points, triangles = mirrors.half(CUBE, TRIANGLES, Plane(axis, place))
+    height = np.clip(1.0 - place, 0.0, 2.0)
+    area = {-2.0: 24.0, 1.0: 0.0, 2.0: 0.0, -1.0: 20.0}.get(place, 4.0 + 8.0 * height)
+    assert face_areas(points, triangles).sum() == pytest.approx(area)
+    edges = EdgeTable.of(triangles) if len(triangles) else None
+    if edges is not None:
+        ends = edges.ends[edges.is_open]
+        assert (points[ends][..., axis] == place).all() and not edges.is_against.any()
+        assert np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1).sum() == pytest.approx(
+            8.0 if area < 24.0 else 0.0
+        )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_halves_of_any_triangles_have_the_area_of_the_whole(seed):
+    rng = np.random.default_rng(seed)
+    points, triangles = rng.normal(size=(30, 3)), rng.integers(0, 30, (60, 3))
+    triangles = triangles[(np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)]
+    points[:8, 0] = 0.25  # in the plane
+    one = mirrors.half(points, triangles, Plane(0, 0.25))
+    other = mirrors.half(points * (-1.0, 1.0, 1.0), triangles, Plane(0, -0.25))
+    inside = (points[triangles][..., 0] == 0.25).all(axis=1)
+    areas = [face_areas(*each).sum() for each in (one, other)]
+    assert sum(areas) == pytest.approx(face_areas(points, triangles[~inside]).sum())
+    assert one[0][:, 0].min() >= 0.25 and np.isfinite(one[0]).all()
+
+
+@pytest.mark.parametrize("place", [0.0, 0.1, 1e3 + 0.1])
+def test_two_halves_are_one_mesh_that_equals_its_mirror_image_to_the_bit(place):
+    rng = np.random.default_rng(5)
+    plane = Plane(0, place)
+    points, triangles = mirrors.half((CUBE * (1.0, 0.7, 0.6) + (place, 0, 0)).astype(np.float32), TRIANGLES, plane)
+    points = points + rng.uniform(0.0, 1e-3, points.shape)  # as fitting moves them
+    both, faces = mirrors.joined(points, triangles, plane)
+    assert both.dtype == np.float32 and len(faces) == 2 * len(triangles)
+    assert np.array_equal(faces[: len(triangles)], triangles)
+    edges = EdgeTable.of(faces)
+    assert (edges.counts == 2).all() and not edges.is_against.any()
+    assert enclosed_volumes(both, faces).sum() / 6.0 == pytest.approx(8.0 * 0.42, rel=0.01)
+    step = both[:, 0].astype(np.float64)
+    middle = (step.min() + step.max()) / 2.0
+    image = both.astype(np.float64)
+    image[:, 0] = 2.0 * middle - image[:, 0]
+    rows = [np.unique(each, axis=0) for each in (both.astype(np.float64), image)]
+    assert np.array_equal(*rows) and middle == pytest.approx(place, abs=1e-3)
+    assert place or middle == 0.0
+
+
+def test_borders_that_were_there_stay_open():
+    """A strip across the plane, whose sides are open."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
+    both, faces = mirrors.joined(points, np.array([(0, 1, 2), (0, 2, 3)]), Plane(0, 0.0))
+    assert len(both) == 6 and face_areas(both, faces).sum() == 2.0 and EdgeTable.of(faces).is_open.sum() == 6
+
+
+def test_an_edge_through_the_plane_turns():
+    """A wedge with one edge in the plane, and two corners beyond it: four triangles would meet at that edge."""
+    points = np.array([(0, 0, 0), (0, 1, 0), (1, 0.5, -1), (1, 0.5, 1)], float)
+    triangles = np.array([(0, 1, 3), (1, 0, 2), (0, 3, 2), (1, 2, 3)])
+    both, faces = mirrors.joined(points, np.array([(0, 1, 3), (1, 0, 2)]), Plane(0, 0.0))
+    assert not EdgeTable.of(faces).is_against.any() and len(triangles) == 4
+    far = np.concatenate([points, [(0, -1, 0), (0, 2, 0)]])
+    half = np.array([(0, 1, 3), (1, 0, 2), (0, 3, 4), (2, 0, 4), (3, 1, 5), (1, 2, 5)])
+    both, faces = mirrors.joined(far, half, Plane(0, 0.0))
+    edges = EdgeTable.of(faces)
+    assert (edges.counts <= 2).all() and not edges.is_against.any()
+    assert len(both) == 8
