@@ -386,9 +386,11 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         mending = asset_limits.Mending.of_texts(own.crumbs, own.holes, own.symmetry)
-        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, owns_textures=own.own_textures)
+        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, owns_textures=own.own_textures, keeps=own.keep)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
+    if own.keep and own.triangles:
+        raise WrongUsage("--keep keeps all triangles: leave out --triangles")
     size = ["--size", own.size] if own.size and not wanted.finds_size else []
     options = _of_bake(ASSET, [*rest, *size], program)
     options.asset = wanted

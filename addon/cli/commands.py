@@ -204,6 +204,10 @@ ASSET = Command(
                 {"choices": [each.value.lower() for each in Symmetry], "default": "auto"},
                 "auto",
             ),
+            "keep": CommandOption(
+                "Give the mesh itself UVs and maps, with all its triangles, and make no low mesh",
+                {"action": "store_true"},
+            ),
             "size": CommandOption(
                 f"Of the maps: {AUTO} for texels as small as the high meshes' triangles, 512{A_METER} for at "
                 "least 512 texels a meter, or as for `bake`",

@@ -127,13 +127,15 @@ def _of_asset(options: argparse.Namespace) -> Job:
         raise BakeError(
             "There is no visible mesh to make an asset of: give a FILE that has one, or name it with --high."
         )
+    if options.asset.keeps:
+        return Job(low or highs[0], highs)
     return Job(low or asset.known_low(bpy.context, highs, options.suffixes) or highs[0], highs)
 
 
 def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
     """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
     wanted = options.asset
-    if job.low in job.highs or options.low or not wanted.is_count_given or job.low.type != "MESH":
+    if job.low in job.highs or options.low or wanted.keeps or not wanted.is_count_given or job.low.type != "MESH":
         return []
     count = count_triangles(job.low.data)
     if count == wanted.triangles:

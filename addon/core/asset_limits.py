@@ -80,6 +80,7 @@ class Wanted:
         is_count_given: Whether the user gave the number of triangles, and not the default, which is a most.
         mending: Of the high surface.
         owns_textures: Whether each level has UVs and textures of its own, and not those of the low mesh.
+        keeps: Whether the high mesh itself gets UVs and maps, and no low one is made.
     """
 
     degrees: float = math.inf
@@ -91,6 +92,7 @@ class Wanted:
     is_count_given: bool = True
     mending: Mending = USUAL_MENDING
     owns_textures: bool = False
+    keeps: bool = False
 
     @classmethod
     def of_texts(
@@ -104,6 +106,7 @@ class Wanted:
         is_count_given: bool = True,
         mending: Mending = USUAL_MENDING,
         owns_textures: bool = False,
+        keeps: bool = False,
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -120,7 +123,8 @@ class Wanted:
         if word.endswith(A_METER) and not density > 0.0:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
-        result = cls(angle, round(most), word == AUTO, far, levels, density, is_count_given, mending, owns_textures)
+        limits = angle, round(most), word == AUTO, far, levels, density, is_count_given
+        result = cls(*limits, mending, owns_textures, keeps)
         result.check()
         return result
 

@@ -75,7 +75,8 @@ def work(
     suffixes: Suffixes,
     wants: Wants = NOTHING_ELSE,
 ) -> Task[list[Report]]:
-    """Make the low object of a job, if it has none, give it a UV map, if it has none, and bake all maps of the settings.
+    """Make the low object of a job, if it has none and the high one is not kept as such, give it a UV map, if it has none, and
+    bake all maps of the settings.
 
     If the generator is closed early, or raises BakeError, nothing has changed.
 
@@ -91,7 +92,10 @@ def work(
     start, timings = time.perf_counter(), Timings(asset_limits.STAGES)
     _check(job, wanted, settings)
     with temporary.only_if_finished(), all_or_none(), temporary.meshes(), kept_pictures(), ExitStack() as stack:
-        high, lows = None, [] if job.low in job.highs else [Low(job.low, wanted, HowMade(is_made=False))]
+        high, lows = (
+            None,
+            [] if job.low in job.highs and not wanted.keeps else [Low(job.low, wanted, HowMade(is_made=False))],
+        )
         skin = Skin.of(job.highs if not lows else [job.low], settings.map.modifiers)
         if not lows or wanted.levels:
             stack.enter_context(skin.at_rest(context, job.highs))
@@ -144,6 +148,8 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
         raise BakeError("An asset has one texture: turn UDIM Tiles and Texture Sets off.")
     if settings.sampling.wrap != Wrap.NONE:
         raise BakeError("An asset gets UV islands of its own, and is no tile: turn Wrap off.")
+    if wanted.keeps and job.highs != [job.low]:
+        raise BakeError("Only a mesh alone keeps its triangles: choose one high object, and no low one.")
     if job.low not in job.highs and job.low.type != "MESH":
         raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
 

@@ -110,13 +110,15 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             is_count_given=settings.is_property_set("asset_triangles"),
             mending=Mending.of_texts(settings.asset_crumbs, settings.asset_holes, settings.asset_symmetry),
             owns_textures=settings.asset_own_textures,
+            keeps=settings.asset_keeps,
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():
             highs = [active, *(obj for obj in highs if obj != active)]
         if not highs:
             raise BakeError("No object is selected: select the high-poly objects to make an asset of.")
-        job = Job(asset.known_low(context, highs, suffixes) or highs[0], highs)
+        low = None if wanted.keeps else asset.known_low(context, highs, suffixes)
+        job = Job(low or highs[0], highs)
         if settings.export:
             engine_files.check_levels(settings.export, 1 + wanted.levels)
         wants = Wants(exported=bool(settings.export))
@@ -151,7 +153,7 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        names = "asset_triangles", "asset_degrees", "asset_distance"
+        names = "asset_keeps", "asset_triangles", "asset_degrees", "asset_distance"
         names += "asset_symmetry", "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
         names += "asset_own_textures", "export"
         draw_props(split_layout(layout.column()), context.scene.imprint, *names)

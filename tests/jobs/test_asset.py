@@ -572,3 +572,25 @@ def test_crumbs_and_holes_do_not_cost_triangles(size, mending, crumbs, holes, pa
     assert parts[0] <= topology.components(tuple(triangles.T), len(points))[1] <= parts[1]
     assert (len(EdgeTable.of(triangles).alone) == 0) == bool(holes)
     assert f"{report.asset['crumbs']} small parts were left out" in "\n".join(report.summary())
+
+
+@pytest.mark.parametrize("has_uvs", [False, True])
+def test_a_mesh_can_keep_its_triangles_and_get_uvs_and_maps(has_uvs):
+    high = zoo.terrain("Hills", 8, height=0.3) if has_uvs else zoo.ball("Ball", 8)
+    points, triangles = mesh_reader.points(high.data).copy(), mesh_reader.corner_vertices(high.data).copy()
+    report, low = made([high], Wanted(keeps=True), replace(SETTINGS, maps=("AO",)))
+    assert low == high and not report.asset["is_made"] and bool(report.asset["unwrapped"]) != has_uvs
+    assert np.array_equal(points, mesh_reader.points(low.data))
+    assert np.array_equal(triangles, mesh_reader.corner_vertices(low.data))
+    assert len(low.data.uv_layers) == 1 and report.missed == 0.0 and "ao" in report.maps
+    assert len(bpy.data.objects) == 1
+    other = zoo.ball("Other", 6)
+    before = snapshot()
+    with pytest.raises(BakeError, match="Only a mesh alone keeps"):
+        made([high, other], Wanted(keeps=True))
+    assert difference(before, snapshot()) == {}
+
+
+def test_a_mesh_that_keeps_its_triangles_can_have_levels():
+    reports = finish(task([zoo.ball("Ball", 16)], Wanted(keeps=True, levels=1)))
+    assert [report.triangles["low"] for report in reports] == [960, pytest.approx(480, rel=MOST_OFF)]

@@ -151,6 +151,11 @@ ASSET: dict[str, Setting] = {
         most=asset_limits.MOST_LEVELS,
         option=None,
     ),
+    "asset_keeps": Switch(
+        label="Keep Triangles",
+        tooltip="Give the mesh itself UVs and maps, and make no low mesh",
+        option=None,
+    ),
     "asset_own_textures": Switch(
         label="Own Textures",
         tooltip="Give each level a UV map and textures of its own, in place of those of the low mesh",
