@@ -23,12 +23,12 @@ from . import temporary
 
 ANGLES, STRETCH = "ANGLE_BASED", "MINIMUM_STRETCH"
 """Blender's ways: quick, and with less stretch; the second one does not fold."""
-ITERATIONS = 20
-"""Of the second way: 40 do not leave less stretch."""
+ITERATIONS = 12
+"""Of the second way: 40 leave no less stretch that shows."""
 AT_ONCE = 3000
 """Faces that Blender unwraps in one step, about."""
-STEEP = 70.0
-"""Charts are also projected if no normal is further from the mean, in degrees: rounding folds steeper ones."""
+LEAST = 0.002
+"""The share of a chart's area that stretch costs and that does not count."""
 HALVINGS = 12
 """How often charts that fold or overlap are halved, until each of their faces is a chart."""
 
@@ -74,40 +74,85 @@ class Flattener:
         self._has_triangles = np.bincount(mesh.faces, minlength=self.charts.count) > 0
 
     def flattened(
-        self, labels: np.ndarray, seams: np.ndarray | None = None, known: Flattened | None = None
+        self,
+        labels: np.ndarray,
+        seams: np.ndarray | None = None,
+        known: Flattened | None = None,
+        *,
+        is_draft: bool = False,
     ) -> Task[Flattened]:
-        """Flatten charts. seams: (S, 2) int, edges that are cut as well. known: of charts some of which may be the same."""
+        """Flatten charts.
+
+        Args:
+            labels: (F,) int from 0.
+            seams: (S, 2) int, edges that are cut as well.
+            known: of charts some of which may be the same.
+            is_draft: whether projections do, where they neither fold nor overlap.
+        """
         nodes = self.charts.nodes(labels, self.mesh.triangles, seams)
         result = self._measured(labels, self._projected(labels), nodes)
-        is_left = ~self.charts.is_flat(labels) | result.is_bad
+        is_left = result.is_bad if is_draft else self._is_stretched(result)
         if known is not None:
             same = _same(labels, known.labels)
-            result = self._better(result, self._measured(labels, known.uv, nodes), same)
-            is_left &= ~same
+            result = self._taken(result, self._measured(labels, known.uv, nodes), same)
+            is_left &= ~same | result.is_bad
         is_left &= np.bincount(labels) > 1
         result = yield from self._unwrapped(result, is_left, ANGLES)
-        result = yield from self._unwrapped(result, is_left & result.is_bad, STRETCH)
-        return result
+        return (yield from self._unwrapped(result, is_left & result.is_bad, STRETCH))
 
-    def sound(self, labels: np.ndarray, seams: np.ndarray | None = None) -> Task[Flattened]:
-        """Flatten charts, of which those that fold or overlap are halved until none does."""
-        result = yield from self.flattened(labels, seams)
+    def sound(
+        self,
+        labels: np.ndarray,
+        seams: np.ndarray | None = None,
+        known: Flattened | None = None,
+        *,
+        side: float = np.inf,
+        is_draft: bool = False,
+    ) -> Task[Flattened]:
+        """As `flattened`; charts that fold, overlap or are longer than `side` are halved until none is."""
+        result = yield from self.flattened(labels, seams, known, is_draft=is_draft)
         for number in range(HALVINGS + 1):
-            bad = result.is_bad & (np.bincount(result.labels) > 1)
-            if not bad.any():
+            bad = result.is_bad
+            wrong = (bad | (self._extents(result) > side)) & (np.bincount(result.labels) > 1)
+            if not wrong.any():
                 break
             if number < HALVINGS:
-                labels = self.charts.halved(result.labels, bad)
+                centers = np.where(bad[result.labels][:, None], self.charts.centers, self._centers(result))
+                labels = self.charts.halved(result.labels, wrong, centers)
             else:
-                labels = numbered(
-                    np.where(bad[result.labels], len(bad) + np.arange(len(result.labels)), result.labels)
-                )[1]
-            result = yield from self.flattened(labels, seams, result)
+                alone = np.where((wrong & bad)[result.labels], len(bad) + np.arange(len(result.labels)), result.labels)
+                labels = numbered(alone)[1]
+            result = yield from self.flattened(labels, seams, result, is_draft=is_draft)
         return result
 
     def relaxed(self, flattened: Flattened) -> Task[Flattened]:
         """With less stretch, where Blender finds some."""
-        return (yield from self._unwrapped(flattened, ~self.charts.is_flat(flattened.labels), STRETCH))
+        return (yield from self._unwrapped(flattened, self._is_stretched(flattened), STRETCH))
+
+    def _is_stretched(self, flattened: Flattened) -> np.ndarray:
+        """Which charts (N,) bool have stretch that counts."""
+        areas = np.bincount(flattened.labels, self.charts.areas, len(flattened.stretch))
+        return flattened.stretch > LEAST * areas
+
+    def _centers(self, flattened: Flattened) -> np.ndarray:
+        """Where faces are in UV space, (F, 3) with 0 at the end."""
+        corners = topology.ranges(self._starts, self._sizes)
+        sums = topology.sums_of(
+            np.repeat(np.arange(len(self._sizes)), self._sizes), flattened.uv[corners], len(self._sizes)
+        )
+        return np.insert(sums / self._sizes[:, None], 2, 0.0, axis=1)
+
+    def _extents(self, flattened: Flattened) -> np.ndarray:
+        """The longer side (N,) of the squarest box around each chart."""
+        corners, of = topology.ranges(self._starts, self._sizes), np.repeat(flattened.labels, self._sizes)
+        order = np.argsort(of, kind="stable")
+        points, begins = flattened.uv[corners[order]], np.flatnonzero(np.diff(of[order], prepend=-1))
+        result = np.full(len(begins), np.inf)
+        for turn in np.arange(0.0, 0.5 * np.pi, np.pi / 12.0):
+            turned = points @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+            extent = np.maximum.reduceat(turned, begins) - np.minimum.reduceat(turned, begins)
+            result = np.minimum(result, extent.max(axis=1))
+        return result
 
     def straightened(self, flattened: Flattened) -> Flattened:
         """With grids of quads as rectangles."""

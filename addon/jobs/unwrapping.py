@@ -16,7 +16,7 @@ from ..core import foreach
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task, finish, part
 from ..core.settings import SamplingSettings, Settings
-from ..mesh import uv_charts, uv_islands, uv_packing, uv_stretch
+from ..mesh import topology, uv_charts, uv_islands, uv_packing, uv_stretch
 from ..mesh.edges import is_without_area
 from ..mesh.topology import EdgeTable
 from ..mesh.triangle_mesh import Mesh
@@ -32,16 +32,24 @@ NAME = "UVMap"
 """Of the new UV map, as Blender calls it."""
 MOST = 8
 """UV maps of a mesh, in Blender."""
-STEPS = (100.0, 10.0, 3.0, 1.0, 0.3, 0.1)
-"""The steps in which charts grow: how much stretch counts. Each chart of the last step is taken, or parts of it."""
-QUICK = (30.0, 1.0)
-"""The steps if it has to be quick."""
+STIFF, STEPS, COARSE = (10.0, 1.0), (10.0, 3.0, 1.0, 0.4, 0.15), (1.0, 0.4)
+"""The steps in which charts grow: how much stretch counts. In the first ones, all bends count as stretch. Each chart of the
+last step is taken, or parts of it. Meshes of many faces, and those that are unwrapped quickly, have the last steps."""
 PRICES = (0.4, 1.0, 2.5)
 """What borders cost, as factors on their price: what packing makes of them shows when it is done."""
+SIDES = (0.95, 0.6)
+"""Longer islands than these shares of the map's side are also halved."""
 CLOSE = 0.97
 """Of ways that reach this share of the best figure, the one with the fewest islands is taken."""
+FEW, FINALISTS = 10000, 2
+"""Meshes with so many triangles have fewer ways. Of others, so many ways are relaxed and packed with care, at most."""
+MUCH, FULL = 1.4, 0.85
+"""More islands than Smart Project makes are taken only if the figure is better by this factor. No
+figure is above the second number, nearly."""
 STRAIGHT = 0.98
-"""Strips are straight if that leaves this share of the figure."""
+"""Straight strips are taken if they leave this share of the figure."""
+CHARTS, SMART = "charts", "Smart Project"
+"""Names of ways."""
 ANGLE = np.radians(66.0)
 """The angle between faces from which Smart Project cuts, as Blender has it."""
 
@@ -53,10 +61,12 @@ class Unwrapped:
     Attributes:
         name: Of the way, for messages.
         flattened: Its islands.
+        seams: The edges that are cut in any case, as vertices; None for none.
     """
 
     name: str
     flattened: Flattened
+    seams: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -140,26 +150,35 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool =
             return None
         unwrapping = _Unwrapping(obj, mesh, sampling)
         ways = yield from part(unwrapping.ways(is_quick=is_quick), 0.0, 0.6)
-        packed = []
-        for done, way in enumerate(ways):
-            here, there = (0.6 + 0.2 * step / len(ways) for step in (done, done + 1))
-            packed.append((yield from part(unwrapping.packed(way, is_quick=True), here, there)))
-        most = max(each.layout.figure for each in packed)
-        if most == 0.0:
+        packed = yield from part(unwrapping.all_packed(ways), 0.6, 0.65)
+        if max(each.layout.figure for each in packed) == 0.0:
             return None
-        best = min(
-            (each for each in packed if each.layout.figure >= CLOSE * most),
-            key=lambda each: (each.layout.islands, -each.layout.figure),
-        )
-        if not is_quick:
-            way = yield from part(unwrapping.relaxed(best.way), 0.8, 0.9)
-            last = yield from part(unwrapping.packed(way), 0.9, 0.95)
-            best = max(best, last, key=lambda each: each.layout.figure)
-            straight = unwrapping.straightened(best.way)
-            if straight is not None:
-                last = yield from part(unwrapping.packed(straight), 0.95, 1.0)
-                best = last if last.layout.figure >= STRAIGHT * best.layout.figure else best
-        return best
+        if is_quick:
+            return max(packed, key=lambda each: each.layout.figure)
+        if len(mesh.faces) < FEW:
+            ways = yield from part(unwrapping.shorter(packed), 0.65, 0.7)
+            packed += yield from part(unwrapping.all_packed(ways), 0.7, 0.75)
+        packed = unwrapping.without_many(packed)
+        finalists = [each for each in packed if each.layout.figure >= CLOSE * packed[0].layout.figure]
+        last = [each for each in packed if each.way.name == SMART]
+        for done, each in enumerate(finalists := finalists[: FINALISTS if len(mesh.faces) < FEW else 1]):
+            here, there = (0.75 + 0.25 * step / len(finalists) for step in (done, done + 1))
+            last.append((yield from part(unwrapping.finished(each), here, there)))
+        # The one with the fewest islands of those that are close to the best, and no worse than Smart Project.
+        least = max(each.layout.figure * (1.0 if each.way.name == SMART else CLOSE) for each in last)
+        good = [each for each in last if each.layout.figure >= least]
+        return min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
+
+
+def _different(ways: list[Unwrapped]) -> list[Unwrapped]:
+    """Without those that have the same charts as an earlier one."""
+    keys = [topology.first_rows(way.flattened.labels[:, None]).tobytes() for way in ways]
+    return [way for number, way in enumerate(ways) if keys.index(keys[number]) == number]
+
+
+def _side_lengths(uv: np.ndarray) -> np.ndarray:
+    """The lengths (T, 3) of the sides of triangles (T, 3, 2)."""
+    return np.linalg.norm(np.roll(uv, -1, axis=1) - uv, axis=2)
 
 
 def margin(sampling: SamplingSettings) -> float:
@@ -190,46 +209,68 @@ class _Unwrapping:
         self._obj, self._mesh, self._sampling = obj, mesh, sampling
         self._seams = _edges(obj.data, "use_seam")
         wanted = np.concatenate([self._seams, _between_materials(obj.data, mesh)])
-        margin_and_blur = margin(sampling) + 0.25 / min(
-            sampling.size
-        )  # at a border, half of half a texel is another island's
+        # At a border, half of half a texel is another island's.
+        margin_and_blur = margin(sampling) + 0.25 / min(sampling.size)
         options = ChartOptions(margin_and_blur, hard=_edges(obj.data, "use_edge_sharp"), wanted=wanted)
         self._flattener = Flattener(mesh, obj.data, options)
+        self._most = 0  # islands of Smart Project
 
     def ways(self, *, is_quick: bool) -> Task[list[Unwrapped]]:
         """The ways to unwrap, as they share a map best, not packed."""
-        if is_quick:
-            return (yield from self._by_charts(QUICK, (1.0,)))
-        ways = yield from part(self._by_charts(STEPS, PRICES), 0.0, 0.7)
-        yield Progress("Unwrapping", 0.7)
-        others = [("Smart Project", self._smart(), None)]
-        if len(self._seams):
-            others.append(("the mesh's seams", self._flattener.charts.between(self._seams), self._seams))
-        for done, (name, labels, seams) in enumerate(others):
-            flattened = yield from part(self._flattener.sound(labels, seams), 0.7 + 0.15 * done, 0.85 + 0.15 * done)
-            ways.append(Unwrapped(name, flattened))
-        return ways
-
-    def _by_charts(self, steps: tuple[float, ...], prices: tuple[float, ...]) -> Task[list[Unwrapped]]:
-        """Charts as large as it pays, for prices of borders."""
-        charts = self._flattener.charts
-        labels = charts.grown(charts.flat(), steps[0])
-        labels = charts.whole(charts.straightened(labels, steps[0]))
-        levels = [(yield from part(self._flattener.sound(labels), 0.0, 1.0 / len(steps)))]
-        for done, stretch in enumerate(steps[1:], 1):
-            labels = charts.grown(levels[-1].labels, stretch)
-            if labels.max() < levels[-1].labels.max():
-                here, there = done / len(steps), (done + 1) / len(steps)
-                levels.append((yield from part(self._flattener.flattened(labels, known=levels[-1]), here, there)))
+        flattener = self._flattener
+        is_small = len(self._mesh.faces) < FEW and not is_quick
+        levels = yield from part(self._levels(STEPS if is_small else COARSE, is_draft=not is_small), 0.0, 0.7)
         ways = []
-        for price in prices:
-            costs = [
-                2.0 * each.stretch + price * charts.prices(each.labels, each.nodes[self._mesh.triangles])
-                for each in levels
-            ]
-            level, labels = uv_charts.best_parts([each.labels for each in levels], costs)
-            ways.append(Unwrapped("charts", self._flattener.joined(levels, level, labels)))
-        return ways
+        for price in (1.0,) if is_quick else PRICES:
+            yield Progress("Unwrapping", 0.7)
+            ways.append(self._best_parts(levels, price))
+        if not is_quick:
+            yield Progress("Unwrapping", 0.7)
+            labels = self._smart()
+            self._most = int(labels.max()) + 1
+            smart = yield from part(flattener.sound(labels, is_draft=not is_small), 0.7, 0.75)
+            ways += [self._best_parts(levels[: len(STIFF)], 1.0), Unwrapped(SMART, smart)]
+            if len(self._seams):
+                labels = flattener.charts.between(self._seams)
+                found = yield from part(flattener.sound(labels, self._seams), 0.75, 0.8)
+                ways.append(Unwrapped("the mesh's seams", found, self._seams))
+        return _different(ways)
+
+    def shorter(self, packed: list[Packed]) -> Task[list[Unwrapped]]:
+        """Ways without islands that are long for the map, if they may be better."""
+        flattener, ways = self._flattener, [each.way for each in packed]
+        room = FULL / max(each.layout.figure for each in packed)
+        if min(each.layout.islands for each in packed) >= self._most and room < MUCH:
+            return []
+        side, shorter = np.sqrt(flattener.charts.areas.sum() / uv_charts.FULL), []
+        for way in ways:
+            for share in SIDES:
+                known = way.flattened
+                found = yield from flattener.sound(known.labels, way.seams, known, side=share * side)
+                shorter.append(replace(way, flattened=found))
+        return _different([*ways, *shorter])[len(ways) :]
+
+    def _levels(self, last: tuple[float, ...], *, is_draft: bool) -> Task[list[Flattened]]:
+        """Charts that grow, from level to level. last: the last steps. is_draft: whether projections do for the first level."""
+        charts, steps = self._flattener.charts, (*STIFF, *last)
+        yield Progress("Unwrapping", 0.0)
+        labels = charts.grown(charts.flat(), steps[0], is_stiff=True)
+        labels = charts.whole(charts.straightened(labels, steps[0]))
+        levels = [(yield from part(self._flattener.sound(labels, is_draft=is_draft), 0.0, 1.0 / len(steps)))]
+        for done, stretch in enumerate(steps[1:], 1):
+            labels = charts.grown(levels[-1].labels, stretch, is_stiff=done < len(STIFF))
+            here, there = done / len(steps), (done + 1) / len(steps)
+            levels.append((yield from part(self._flattener.flattened(labels, known=levels[-1]), here, there)))
+        return levels
+
+    def _best_parts(self, levels: list[Flattened], price: float) -> Unwrapped:
+        """Charts as large as it pays. price: a factor on that of borders."""
+        costs = [2.0 * each.stretch + price * self._prices(each) for each in levels]
+        level, labels = uv_charts.best_parts([each.labels for each in levels], costs)
+        return Unwrapped(CHARTS, self._flattener.joined(levels, level, labels))
+
+    def _prices(self, flattened: Flattened) -> np.ndarray:
+        return self._flattener.charts.prices(flattened.labels, flattened.nodes[self._mesh.triangles])
 
     def _smart(self) -> np.ndarray:
         """The islands of Smart Project, as labels."""
@@ -240,14 +281,47 @@ class _Unwrapping:
         labels[mesh.faces] = uv_islands.islands(mesh)
         return self._flattener.charts.whole(labels)
 
-    def relaxed(self, way: Unwrapped) -> Task[Unwrapped]:
-        """With less stretch."""
-        return replace(way, flattened=(yield from self._flattener.relaxed(way.flattened)))
+    def all_packed(self, ways: list[Unwrapped]) -> Task[list[Packed]]:
+        """All ways packed quickly."""
+        packed = []
+        for done, way in enumerate(ways):
+            here, there = (step / len(ways) for step in (done, done + 1))
+            packed.append((yield from part(self.packed(way, is_quick=True), here, there)))
+        return packed
+
+    def without_many(self, packed: list[Packed]) -> list[Packed]:
+        """Those with no more islands than Smart Project makes, the best first; all, if these are much worse."""
+        packed = sorted(packed, key=lambda each: -each.layout.figure)
+        few = [each for each in packed if each.layout.islands <= self._most]
+        return few if few and few[0].layout.figure * MUCH >= packed[0].layout.figure else packed
+
+    def finished(self, packed: Packed) -> Task[Packed]:
+        """With borders that are shorter, with less stretch, with strips that are straight: what comes of it."""
+        way = yield from part(self._smoothed(packed.way), 0.0, 0.2)
+        way = replace(way, flattened=(yield from part(self._flattener.relaxed(way.flattened), 0.2, 0.6)))
+        last = yield from part(self.packed(way), 0.6, 0.8)
+        best = max(packed, last, key=lambda each: each.layout.figure)
+        straight = self.straightened(best.way)
+        if straight is not None:
+            last = yield from part(self.packed(straight), 0.8, 1.0)
+            best = last if last.layout.figure >= STRAIGHT * best.layout.figure else best
+        return best
+
+    def _smoothed(self, way: Unwrapped) -> Task[Unwrapped]:
+        """With borders that are shorter, if that pays."""
+        charts, before = self._flattener.charts, way.flattened
+        labels = charts.whole(charts.straightened(before.labels, STEPS[0]))
+        if way.name != CHARTS or np.array_equal(labels, before.labels):
+            return way
+        after = yield from self._flattener.flattened(labels, known=before)
+        costs = [(2.0 * each.stretch + self._prices(each)).sum() for each in (before, after)]
+        return replace(way, flattened=after) if costs[1] < costs[0] else way
 
     def straightened(self, way: Unwrapped) -> Unwrapped | None:
         """With strips of quads that are straight; None if there are none that were not."""
         flattened = self._flattener.straightened(way.flattened)
-        return None if np.array_equal(flattened.uv, way.flattened.uv) else replace(way, flattened=flattened)
+        before, after = (_side_lengths(each.uv[self._mesh.triangles]) for each in (way.flattened, flattened))
+        return None if np.allclose(before, after, 1e-3, 1e-3 * before.mean()) else replace(way, flattened=flattened)
 
     def packed(self, way: Unwrapped, *, is_quick: bool = False) -> Task[Packed]:
         """Pack a way's islands."""
@@ -259,9 +333,9 @@ class _Unwrapping:
             uv = self._boxed(flattened.uv)
         uv = uv.astype(np.float32)
         corners = self._mesh.vertices[triangles]
-        return Packed(
-            way, uv, uv_stretch.measure(_points(self._mesh), uv[triangles], min(self._sampling.size), corners)
-        )
+        side = min(self._sampling.size)
+        layout = uv_stretch.measure(_points(self._mesh), uv[triangles], side, corners, is_sound=True)
+        return Packed(way, uv, layout)
 
     def _boxed(self, uv: np.ndarray) -> np.ndarray:
         """The UVs packed by boxes."""

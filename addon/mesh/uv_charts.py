@@ -183,9 +183,10 @@ class Charts:
         lengths = np.linalg.norm(sums, axis=1, keepdims=True)
         return sums / np.where(lengths > 0.0, lengths, 1.0)
 
-    def grown(self, labels: np.ndarray, stretch: float) -> np.ndarray:
-        """Labels of charts joined as long as it pays. stretch: how much it counts."""
-        growth = _Growth(self, labels)
+    def grown(self, labels: np.ndarray, stretch: float, *, is_stiff: bool = False) -> np.ndarray:
+        """Labels of charts joined as long as it pays. stretch: how much it counts. is_stiff: whether to count all bends as
+        stretch, as if charts were projected, so that they are rather round."""
+        growth = _Growth(self, labels, is_stiff=is_stiff)
         while growth.join(stretch):
             pass
         return numbered(growth.of[labels])[1]
@@ -229,14 +230,19 @@ class Charts:
         same = labels[one] == labels[other]
         return numbered(topology.connected(self.count, one[same], other[same]))[1]
 
-    def halved(self, labels: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Labels after charts, chosen (N,) bool, were divided across where they are longest."""
+    def halved(self, labels: np.ndarray, chosen: np.ndarray, centers: np.ndarray | None = None) -> np.ndarray:
+        """Labels after charts, chosen (N,) bool, were divided across where they are longest.
+
+        centers: (F, 2) or (F, 3), where faces are; None for on the surface.
+        """
+        centers = self.centers if centers is None else centers
         weights = self.areas + 1e-9 * self.areas.mean() + 1e-300
         count = len(chosen)
         total = np.bincount(labels, weights, count)
-        away = self.centers - (sums_of(labels, self.centers * weights[:, None], count) / total[:, None])[labels]
-        squares = np.stack([away[:, i] * away[:, j] * weights for i in range(3) for j in range(3)], axis=1)
-        axes = np.linalg.eigh(sums_of(labels, squares, count).reshape(-1, 3, 3))[1][:, :, 2]
+        away = centers - (sums_of(labels, centers * weights[:, None], count) / total[:, None])[labels]
+        size = centers.shape[1]
+        squares = np.stack([away[:, i] * away[:, j] * weights for i in range(size) for j in range(size)], axis=1)
+        axes = np.linalg.eigh(sums_of(labels, squares, count).reshape(-1, size, size))[1][:, :, -1]
         beyond = chosen[labels] & ((away * axes[labels]).sum(axis=1) > 0.0)
         return self.whole(numbered(np.where(beyond, count + labels, labels))[1])
 
@@ -342,7 +348,8 @@ class _Growth:
         of: (N,) int, of the charts at the start, which chart it is now.
     """
 
-    def __init__(self, charts: Charts, labels: np.ndarray):
+    def __init__(self, charts: Charts, labels: np.ndarray, *, is_stiff: bool = False):
+        self._bend = _tilt if is_stiff else _bend
         self.charts, count = charts, int(labels.max(initial=-1)) + 1
         self.of = np.arange(count)
         self._sums = sums_of(labels, charts._sums, count)
@@ -425,7 +432,7 @@ class _Growth:
         return True
 
     def _cost(self, sums: np.ndarray, inner: np.ndarray) -> np.ndarray:
-        return np.maximum(_bend(sums), sums[:, 0] * CAP * inner**2)
+        return np.maximum(self._bend(sums), sums[:, 0] * CAP * inner**2)
 
 
 def best_parts(levels: list[np.ndarray], costs: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -458,6 +465,17 @@ def _bend(sums: np.ndarray) -> np.ndarray:
     x, y, z = sums[:, 1:4].T / area
     xx, xy, xz, yy, yz, zz = sums[:, 4:].T / area
     return area * _least_eigenvalue((xx - x * x, yy - y * y, zz - z * z), (xy - x * y, xz - x * z, yz - y * z))
+
+
+def _tilt(sums: np.ndarray) -> np.ndarray:
+    """As _bend, by how much shorter the mean of normals is than they: of a round cap it is about as much."""
+    flat = np.linalg.norm(sums[:, 1:4], axis=1)
+    return (
+        2.0
+        / 3.0
+        * sums[:, 0]
+        * (np.maximum(0.0, sums[:, 0] - flat) / np.maximum(flat, 1e-6 * sums[:, 0] + 1e-300)) ** 2
+    )
 
 
 def _least_eigenvalue(diagonal: tuple[np.ndarray, ...], beside: tuple[np.ndarray, ...]) -> np.ndarray:

@@ -15,7 +15,7 @@ def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
     monkeypatch.setattr(appearance, "USUAL", detail or appearance.Detail(6, 64))
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
     monkeypatch.setattr(low_meshes, "VOXELS", 15_000)
-    monkeypatch.setattr(unwrapping, "STEPS", unwrapping.QUICK)
+    monkeypatch.setattr(unwrapping, "FEW", 0)
     monkeypatch.setattr(unwrapping, "PRICES", (1.0,))
     monkeypatch.setattr(uv_packing, "ORDERS", 1)
     monkeypatch.setattr(uv_packing, "QUICK_CELLS", 64)
