@@ -355,6 +355,7 @@ def by_xatlas(obj: bpy.types.Object, settings: Settings) -> Measured:
     data = obj.data
     triangles = mesh_reader.corner_vertices(data)[mesh_reader.triangles(data)]
     points = mesh_reader.points(data)
+    points *= 100.0 / np.ptp(points, axis=0).max()  # small meshes get other sizes of texels
     start = time.process_time()
     atlas = xatlas.Atlas()
     atlas.add_mesh(points, triangles.astype(np.uint32))

@@ -767,6 +767,45 @@ def part_asset_next_day() -> Steps:
     check("baked again at once", contents() == first)
 
 
+def part_unwrap() -> Steps:
+    """A mesh of 20,000 quads gets a UV map by the button below Bake. Ctrl Z takes it back, and Esc ends it in each stage at once."""
+    small()
+    with window.at_view():
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=200, ring_count=100, calc_uvs=False)
+        rock = bpy.context.object
+    rock.name = rock.data.name = "rock"
+    for vertex in rock.data.vertices:
+        x, y, z = vertex.co
+        vertex.co *= 1.0 + 0.08 * math.sin(9.0 * x) * math.cos(7.0 * y + 5.0 * z)
+    yield from click_row("rock")
+    yield from keys("g", "x", "0", "Return")  # a step before
+    before = kept()
+    yield from press("imprint.unwrap")
+    yield from until(lambda: display.current is not None and display.current.done > 0.3)
+    picture("unwrapping")
+    stages = yield from stages_of_asset()
+    picture("unwrapped")
+    check("a UV map", len(bpy.data.objects["rock"].data.uv_layers) == 1)
+    yield from keys("ctrl+z")
+    check("one step back", kept() == before and not bpy.data.objects["rock"].data.uv_layers)
+    for number, name in enumerate(stages):
+        yield from click_row("rock")
+        yield from press("imprint.unwrap")
+        yield from until(lambda number=number: modal.runner.run is None or stage() in stages[number:])
+        check(f"runs: {name}", modal.runner.run is not None)
+        start = time.process_time()
+        mouse("key", "Escape")
+        while modal.runner.run is not None:
+            yield 0.01
+        seconds = time.process_time() - start
+        check(
+            f"Esc in {name!r} acts within 0.3 s: {seconds:.2f}", seconds < 0.3
+        )  # of this process: others may run beside it
+        check(f"Esc in {name!r} leaves nothing", kept() == before)
+        check("no UV map", not bpy.data.objects["rock"].data.uv_layers)
+    picture("stopped")
+
+
 def part_atlas() -> Steps:
     """Three pairs whose UV maps lie on each other share an image, after Pack UV Maps. Ctrl Z takes both steps back."""
     small(method="CAST")
