@@ -768,7 +768,7 @@ def part_asset_next_day() -> Steps:
 
 
 def part_unwrap() -> Steps:
-    """A mesh of 20,000 quads gets a UV map by the button below Bake. Ctrl Z takes it back, and Esc ends it in each stage at once."""
+    """A mesh of 20,000 quads gets a UV map by the button in the box. Ctrl Z takes it back, and Esc ends it in each stage."""
     small()
     with window.at_view():
         bpy.ops.mesh.primitive_uv_sphere_add(segments=200, ring_count=100, calc_uvs=False)
