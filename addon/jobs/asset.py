@@ -293,14 +293,19 @@ def _all_unwrapped(lows: Sequence[Low], settings: Settings, stack: ExitStack) ->
 
 
 def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Task[Low]:
-    if low.obj.data.uv_layers:
+    layers = low.obj.data.uv_layers
+    if unwrapping.is_unwrapped(low.obj, settings.map.uv_layer):
         return low
+    before = layers.active.name if layers else ""
     ref, text = ObjectRef.of(low.obj), (yield from unwrapping.work(low.obj, settings))
+    name = low.obj.data.uv_layers.active.name
 
     def undo(kind: type[BaseException] | None, *_: object) -> None:
         obj = ref.find()
         if kind is not None and obj is not None:
-            obj.data.uv_layers.remove(obj.data.uv_layers[0])
+            obj.data.uv_layers.remove(obj.data.uv_layers[name])
+            if before:
+                obj.data.uv_layers.active = obj.data.uv_layers[before]
 
     stack.push(undo)
     return replace(low, how=replace(low.how, unwrapped=text))

@@ -118,6 +118,16 @@ def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = 
     return best
 
 
+def is_unwrapped(low: bpy.types.Object, layer: str = "") -> bool:
+    """Whether an object's own mesh has a UV map that covers any texel. layer: its name; empty for the active one."""
+    if not low.data.uv_layers:
+        return False
+    if layer not in low.data.uv_layers:
+        layer = mesh_reader.active_uv_layer(low.data)
+    corners = mesh_reader.uvs(low.data, layer)[mesh_reader.triangles(low.data)].astype(np.float64)
+    return bool(np.linalg.det(corners[:, 1:] - corners[:, :1]).any())
+
+
 def check(low: bpy.types.Object) -> None:
     """Raise BakeError for what keeps an object from being unwrapped, and shows at once."""
     if low.type != "MESH" or not low.data.polygons:
