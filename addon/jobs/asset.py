@@ -28,7 +28,7 @@ from ..output import datablocks
 from ..output.atomic_file import all_or_none
 from ..scene import mesh_reader
 from ..scene.object_checks import ObjectRef
-from . import bake_jobs, temporary, unwrapping
+from . import bake_jobs, low_material, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
 from .simplify import appearance_judge, decimation, high_surface
 from .simplify.appearance_judge import AppearanceJudge
@@ -178,6 +178,7 @@ class _Making:
             limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
             obj = self._object(low.data, names[level], home)
+            obj.data.materials.append(low_material.new_like(job.highs, naming.of_levels(names[level], suffixes.low)))
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         return lows
 

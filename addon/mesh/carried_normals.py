@@ -16,8 +16,6 @@ PLACES = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4), (2, 2, 2), (3, 3, 0), (0, 3,
 """Barycentric coordinates (7, 3) of the places on each triangle whose normals are compared."""
 SAME_SIDE_COSINE = 0.3
 """The cosine between a triangle and the normal of the nearest place, below which that lies on another side of the surface."""
-HELD = 1e-3
-"""How much a normal keeps to the mean of those around it, against the squares at the places: it is all that small ones have."""
 GRADIENT_STEPS = 80
 """Of conjugate gradients, at most."""
 
@@ -42,14 +40,14 @@ def carried_normals(
     wanted = unit(np.einsum("nc,ncx->nx", shares, of_normals[nearest])).reshape(len(triangles), len(PLACES), 3)
     faces, _ = unit_normals(corners)
     is_same = (wanted * faces[:, None]).sum(axis=2) > SAME_SIDE_COSINE
-    weights = is_same * face_areas(corners)[:, None] + 1e-30
+    wanted = np.where(is_same[..., None], wanted, faces[:, None])
     used, wedges = numbered(wedges)
-    return _least_squares(weights, np.where(is_same[..., None], wanted, faces[:, None]), wedges, len(used))[wedges]
+    return _least_squares(face_areas(corners) + 1e-30, wanted, wedges, len(used))[wedges]
 
 
 def _least_squares(weights: np.ndarray, wanted: np.ndarray, wedges: np.ndarray, count: int) -> np.ndarray:
-    """The unit normals (count, 3) of wedges that interpolate to the wanted ones (T, K, 3). weights: (T, K)."""
-    matrices = np.einsum("tk,kc,kd->tcd", weights, PLACES, PLACES)
+    """The unit normals (count, 3) of wedges that interpolate to the wanted ones (T, K, 3). weights: (T,)."""
+    matrices = np.einsum("t,kc,kd->tcd", weights, PLACES, PLACES)
     diagonal = np.bincount(wedges.reshape(-1), np.einsum("tcc->tc", matrices).reshape(-1), count)[:, None]
 
     def gathered(values: np.ndarray) -> np.ndarray:
@@ -57,11 +55,11 @@ def _least_squares(weights: np.ndarray, wanted: np.ndarray, wedges: np.ndarray, 
         return np.stack([np.bincount(wedges.reshape(-1), column, count) for column in columns], axis=1)
 
     def product(normals: np.ndarray) -> np.ndarray:
-        return gathered(np.einsum("tcd,tdx->tcx", matrices, normals[wedges])) + HELD * diagonal * normals
+        return gathered(np.einsum("tcd,tdx->tcx", matrices, normals[wedges]))
 
-    right = gathered(np.einsum("tk,kc,tkx->tcx", weights, PLACES, wanted))
+    right = gathered(np.einsum("t,kc,tkx->tcx", weights, PLACES, wanted))
     normals = unit(right)
-    left = right + HELD * diagonal * normals - product(normals)
+    left = right - product(normals)
     along = left / diagonal
     step, size = along, (left * along).sum(axis=0)
     for _ in range(GRADIENT_STEPS):

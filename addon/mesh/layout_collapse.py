@@ -2,7 +2,7 @@
 """Makes triangle meshes coarser that keep their UV layout, so that they show the textures of the finer one.
 
 Edges collapse as in mesh/collapse.py. A line is where the surface, a UV island or a label ends. Vertices on a line go along it,
-and have a wedge of values on each of its sides; what lies beyond a line is torn along at a price.
+and have a wedge of values on each of its sides; planes along lines are the price of what moves across.
 
 Source: Hoppe, "New quadric metric for simplifying meshes with appearance attributes", 1999, for the wedges. There, values have
 quadrics; here, those within islands are moved afterwards, by coarser_uvs.moved_uvs.
@@ -23,8 +23,6 @@ from .uv_seams import CONNECTED
 
 LINE = 1.0
 """How much the planes along lines inside the surface count, as collapse.BORDER."""
-TORN = 1.0
-"""The price of moving what lies beyond a line, as a factor on the fourth power of an edge's length."""
 LEAST_UV_AREA = 0.05
 """The least area of a triangle in the layout, as a share of what that of its place was for its area on the surface."""
 
@@ -128,8 +126,6 @@ class LayoutState(State):
     def _allowed(self, edges: EdgeTable) -> np.ndarray:
         self._is_line = _lines(edges, self.wedges)
         self._lines_at = np.bincount(edges.ends[self._is_line].reshape(-1), minlength=len(self.points))
-        pairs = np.unique(self.triangles.reshape(-1) * len(self.values) + self.wedges.reshape(-1))
-        self._sectors = np.bincount(pairs // len(self.values), minlength=len(self.points))
         return super()._allowed(edges)
 
     def _placed(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -141,25 +137,22 @@ class LayoutState(State):
         goes_between = ~on_line.any(axis=1) | (is_line & (self._lines_at[ends] == 2).all(axis=1))
         to_an_end = np.flatnonzero(~goes_between)
         ends, on_line = ends[to_an_end], on_line[to_an_end]
-        price, squares = self._costs_at_ends(ends)
-        beside = np.where(is_line[to_an_end], 2, 1)[:, None]
-        is_torn = self._sectors[ends[:, ::-1]] > beside  # the other end has wedges that the edge does not touch
-        price += np.where(is_torn, TORN * (squares**2)[:, None], 0.0)
+        price = self._costs_at_ends(ends)
         price[~on_line & on_line[:, ::-1]] = np.inf
         stays, rows = price.argmin(axis=1), np.arange(len(ends))
         places[to_an_end], costs[to_an_end] = self.points[ends[rows, stays]], price[rows, stays]
         self._stays[chosen[to_an_end]] = stays
         return places, costs
 
-    def _costs_at_ends(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What it costs (E, 2) if edges (E, 2) collapse to one of their ends, and the squares (E,) of their lengths."""
+    def _costs_at_ends(self, ends: np.ndarray) -> np.ndarray:
+        """What it costs (E, 2) if edges (E, 2) collapse to one of their ends."""
         a, b = ends.T
         planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
         at = self.points[ends]
         result = np.einsum("enx,exy,eny->en", at, planes, at) + 2.0 * np.einsum("ex,enx->en", offsets, at)
         squares = ((at[:, 0] - at[:, 1]) ** 2).sum(axis=1)
         result += (self._constants[a] + self._constants[b])[:, None]
-        return np.maximum(result, 0.0) + 1e-10 * squares[:, None], squares
+        return np.maximum(result, 0.0) + 1e-10 * squares[:, None]
 
     def _after(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, ...]:
         """What becomes of edges (N,) that collapse to places (N, 3): the ends (N,) that stay, the wedge (W,) that each one

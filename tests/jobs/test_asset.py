@@ -388,6 +388,35 @@ def test_levels_of_detail_share_the_textures_of_the_first():
     assert asset.known_low(bpy.context, [bpy.data.objects["Ball"]], Suffixes()) == lows[0]
 
 
+def test_constants_of_the_material_of_most_faces_are_kept():
+    ball, cube = zoo.ball("Ball_high", 16), zoo.cube("Cube")
+    for obj, rough in ((ball, 0.13), (cube, 0.9)):
+        material = bpy.data.materials.new(obj.name)
+        older_blender.switch_on_nodes(material)
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        shader = next(node for node in nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        shader.inputs["Roughness"].default_value = rough
+        shader.inputs["IOR"].default_value = 1.7
+        shader.inputs["Emission Color"].default_value = (0.5, 0.25, 0.0, 1.0)
+        shader.inputs["Emission Strength"].default_value = 4.0
+        shader.inputs["Coat Weight"].default_value = 0.4
+        value, noise = nodes.new("ShaderNodeValue"), nodes.new("ShaderNodeTexNoise")
+        value.outputs[0].default_value = 0.75
+        links.new(value.outputs[0], shader.inputs["Metallic"])
+        links.new(noise.outputs[0], shader.inputs["Coat Weight"])
+        obj.data.materials.append(material)
+    _, low = made([ball, cube])
+    (material,) = low.data.materials
+    assert material.name == "Ball_low"
+    inputs = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled").inputs
+    found = [
+        inputs[name].default_value for name in ("Roughness", "IOR", "Metallic", "Emission Strength", "Coat Weight")
+    ]
+    assert found == pytest.approx([0.13, 1.7, 0.75, 1.0, 0.0])
+    assert inputs["Emission Color"].default_value[:] == pytest.approx((2.0, 1.0, 0.0, 1.0))
+    assert inputs["Normal"].is_linked
+
+
 @pytest.mark.slow
 def test_levels_of_detail_can_have_textures_of_their_own():
     reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2, owns_textures=True)))

@@ -400,6 +400,25 @@ def places_of(shader: Shader, socket: str) -> list[Place]:
     return places + [share.factor for share in shader.opacity if socket == ALPHA]
 
 
+def constants(material: Material) -> dict[str, np.ndarray]:
+    """The values (3,) that inputs of the Principled BSDF have all over the surface, by the names of these; empty if its shader
+    cannot be read. The emission counts with its strength."""
+    values = NodeValues(ImageTextures(), READINGS)
+    try:
+        shader = find_shader(values, material)
+    except NotFollowedError:
+        return {}
+    found = {}
+    for socket in shader.values:
+        try:
+            value = _value(values, shader, socket).constant
+        except (NotFollowedError, NotAffineError):
+            continue
+        if value is not None:
+            found[socket] = value
+    return found
+
+
 def _value(values: NodeValues, shader: Shader, socket: str) -> Signal:
     value = shader.values[socket]
     if socket == EMISSION and shader.strength is not None:
