@@ -113,7 +113,8 @@ class Flattener:
         result = yield from self.flattened(labels, seams, known, is_draft=is_draft)
         for number in range(HALVINGS + 1):
             bad = result.is_bad
-            wrong = (bad | (self._extents(result) > side)) & (np.bincount(result.labels) > 1)
+            is_long = self._extents(result) > np.where(self.charts.is_flat(result.labels), 2.0, 1.0) * side
+            wrong = (bad | is_long) & (np.bincount(result.labels) > 1)
             if not wrong.any():
                 break
             if number < HALVINGS:

@@ -39,9 +39,11 @@ PRICES = (0.4, 1.0, 2.5)
 """What borders cost, as factors on their price: what packing makes of them shows when it is done."""
 SIDES = (0.95, 0.6)
 """Longer islands than these shares of the map's side are also halved."""
-CLOSE = 0.97
+CLOSE = 0.98
 """Of ways that reach this share of the best figure, the one with the fewest islands is taken."""
-FEW, FINALISTS = 10000, 2
+NEAR = 0.92
+"""As CLOSE, after a quick packing."""
+FEW, FINALISTS = 10000, 3
 """Meshes with so many triangles have fewer ways. Of others, so many ways are relaxed and packed with care, at most."""
 MUCH, FULL = 1.4, 0.85
 """More islands than Smart Project makes are taken only if the figure is better by this factor. No
@@ -169,9 +171,12 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool =
             ways = yield from part(unwrapping.shorter(packed), 0.65, 0.7)
             packed += yield from part(unwrapping.all_packed(ways), 0.7, 0.75)
         packed = unwrapping.without_many(packed)
-        finalists = [each for each in packed if each.layout.figure >= CLOSE * packed[0].layout.figure]
+        near = [each for each in packed if each.layout.figure >= NEAR * packed[0].layout.figure]
+        fewest = min(near, key=lambda each: each.layout.islands)
+        finalists = [each for each in near if each is not fewest][: FINALISTS - 1 if len(mesh.faces) < FEW else 0]
+        finalists.append(fewest)
         last = [each for each in packed if each.way.name == SMART]
-        for done, each in enumerate(finalists := finalists[: FINALISTS if len(mesh.faces) < FEW else 1]):
+        for done, each in enumerate(finalists):
             here, there = (0.75 + 0.25 * step / len(finalists) for step in (done, done + 1))
             last.append((yield from part(unwrapping.finished(each), here, there)))
         # The one with the fewest islands of those that are close to the best, and no worse than Smart Project.
@@ -231,7 +236,7 @@ class _Unwrapping:
         is_small = len(self._mesh.faces) < FEW and not is_quick
         levels = yield from part(self._levels(STEPS if is_small else COARSE, is_draft=not is_small), 0.0, 0.7)
         ways = []
-        for price in (1.0,) if is_quick else PRICES:
+        for price in (1.0,) if is_quick else PRICES if is_small else PRICES[1:]:
             yield Progress("Unwrapping", 0.7)
             ways.append(self._best_parts(levels, price))
         if not is_quick:

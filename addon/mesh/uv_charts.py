@@ -283,6 +283,26 @@ class Charts:
         cut[inner] = self._slits(labels, inner)
         return cut
 
+    def _inside(self, labels: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which vertices (V,) bool are inside a chart, and in which. inner: the edges inside charts."""
+        inside = np.zeros(len(self._curvature), bool)
+        inside[self._ends[inner]] = True
+        inside[self._others] = inside[self._ends[~inner]] = False
+        of = np.zeros(len(inside), np.int64)
+        of[self._ends[inner]] = labels[self._sides[inner, :1]]
+        return inside, of
+
+    def _euler(self, labels: np.ndarray, inner: np.ndarray) -> np.ndarray:
+        """The Euler characteristic (N,) of each chart: 1 of disks, less with holes and handles."""
+        count = int(labels.max(initial=-1)) + 1
+        inside, of = self._inside(labels, inner)
+        edges = np.bincount(labels[self._sides[inner, 0]], minlength=count)
+        return np.bincount(labels, minlength=count) - edges + np.bincount(of[inside], minlength=count)
+
+    def is_plate(self, labels: np.ndarray) -> np.ndarray:
+        """Which charts (N,) bool are flat with holes."""
+        return self.is_flat(labels) & (self._euler(labels, labels[self._sides[:, 0]] == labels[self._sides[:, 1]]) != 1)
+
     def _is_among(self, edges: np.ndarray | None) -> np.ndarray:
         width = len(self._curvature)
         return _among(edge_keys(self._ends[:, 0], self._ends[:, 1], width), edges, width)
@@ -290,13 +310,8 @@ class Charts:
     def _slits(self, labels: np.ndarray, inner: np.ndarray) -> np.ndarray:
         """Which of the inner edges to cut so that charts are disks, and have no spikes inside: the shortest ways to borders."""
         ends, sides, count = self._ends[inner], self._sides[inner], int(labels.max(initial=-1)) + 1
-        inside = np.zeros(len(self._curvature), bool)
-        inside[ends] = True
-        inside[self._others] = inside[self._ends[~inner]] = False
-        of = np.zeros(len(inside), np.int64)
-        of[ends] = labels[sides[:, :1]]
-        euler = np.bincount(labels, minlength=count) - np.bincount(labels[sides[:, 0]], minlength=count)
-        euler += np.bincount(of[inside], minlength=count)
+        inside, of = self._inside(labels, inner)
+        euler = self._euler(labels, inner)
         spikes = np.flatnonzero(inside & self._is_spike)
         needs = euler != 1
         needs[of[spikes]] = True
@@ -350,6 +365,7 @@ class _Growth:
 
     def __init__(self, charts: Charts, labels: np.ndarray, *, is_stiff: bool = False):
         self._bend = _tilt if is_stiff else _bend
+        self._stays = charts.is_plate(labels)  # others would have to be cut where they meet it
         self.charts, count = charts, int(labels.max(initial=-1)) + 1
         self.of = np.arange(count)
         self._sums = sums_of(labels, charts._sums, count)
@@ -406,6 +422,7 @@ class _Growth:
         gains = self._prices / (1.0 + self._spikes) - stretch * costs
         degree = np.bincount(self._pairs.reshape(-1), minlength=len(self._sums))
         gains[(degree[one] == 1) & (degree[other] == 1) & (self._rims[one] + self._rims[other] == 0.0)] = 0.0
+        gains[self._stays[one] | self._stays[other]] = 0.0
         good = np.flatnonzero(gains > 0.0)
         if not len(good):
             return False
@@ -427,6 +444,7 @@ class _Growth:
         self._sums = sums_of(new, self._sums, len(kept))
         self._inner = np.bincount(new, inner_of, len(kept))
         self._rims = np.bincount(new, self._rims, len(kept))
+        self._stays = self._stays[kept]
         self._pairs, self._at = new[self._pairs], new[self._at]
         self._settle()
         return True

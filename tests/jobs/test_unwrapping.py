@@ -96,6 +96,55 @@ def test_charts_that_always_overlap_become_single_faces(monkeypatch):
     assert "16 islands" in unwrapping.unwrap(bare(zoo.terrain("lo", 4, height=0.3)), SETTINGS)
 
 
+def strip_of(count, width=0.1):
+    """A flat strip of quads, wound up along a spring."""
+    turn = 0.3 * np.arange(count + 1)
+    rim = np.stack([np.cos(turn), np.sin(turn), 0.05 * turn], axis=1)
+    data = bpy.data.meshes.new("spring")
+    points = np.concatenate([rim, rim + (0.0, 0.0, width)])
+    quads = [(k, k + 1, count + 2 + k, count + 1 + k) for k in range(count)]
+    data.from_pydata(points.tolist(), [], quads)
+    obj = bpy.data.objects.new("spring", data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def figures(said):
+    """The islands and the share of the map in the sentence of Unwrap."""
+    return int(re.search(r"([\d,]+) islands", said)[1]), int(re.search(r"(\d+)% of the map", said)[1])
+
+
+def test_an_island_much_longer_than_the_map_is_halved():
+    """A strip of 24 by 0.1, of which one island would use less than 1 % of the map."""
+    islands, used = figures(unwrapping.unwrap(strip_of(80), SETTINGS))
+    assert 4 <= islands <= 40 and used > 40
+
+
+def test_a_flat_ring_stays_whole():
+    ring = zoo.plane("ring")
+    angle = 2.0 * np.pi * np.arange(24) / 24
+    rim = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    data = bpy.data.meshes.new("ring")
+    quads = [(k, (k + 1) % 24, 24 + (k + 1) % 24, 24 + k) for k in range(24)]
+    data.from_pydata(np.concatenate([rim, 0.6 * rim]).tolist(), [], quads)
+    ring.data = data
+    islands, used = figures(unwrapping.unwrap(ring, SETTINGS))
+    assert islands == 1 and used > 45
+
+
+def test_the_copy_of_a_mesh_is_unwrapped_in_small_steps(monkeypatch):
+    """So that Esc ends it at once: no call of Blender has many more faces than AT_ONCE."""
+    monkeypatch.setattr(flattening, "AT_ONCE", 20)
+    sizes, unwrapped = [], flattening.Flattener._by_blender
+    monkeypatch.setattr(
+        flattening.Flattener,
+        "_by_blender",
+        lambda self, faces, *rest: sizes.append(len(faces)) or unwrapped(self, faces, *rest),
+    )
+    unwrapping.unwrap(bare(zoo.sphere("lo", 8)), SETTINGS, is_quick=True)
+    assert len(sizes) > 2 and max(sizes) < 100
+
+
 def test_seams_of_the_mesh_are_tried_and_stay(monkeypatch):
     monkeypatch.setattr(unwrapping, "STEPS", (1000.0,))  # many charts: the seams are better
     low = bare(zoo.terrain("lo", 6, height=0.8))

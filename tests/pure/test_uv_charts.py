@@ -149,6 +149,34 @@ def test_a_plate_with_holes_is_one_flat_chart_without_slits():
     assert (charts.nodes(labels, triangles)[triangles] == triangles).all()
 
 
+def test_a_plate_with_holes_is_not_joined_with_others():
+    """Its edge is bent by a right angle, which costs nothing without holes."""
+    joined = []
+    for keep in (slice(None), slice(0)):
+        points, triangles = plate(1) if keep == slice(None) else flat(3, 3)
+        wall, corners = flat(1, 3)
+        wall = wall[:, [2, 1, 0]] - (0.0, 0.0, 1.0)
+        points, places = np.unique(np.round(np.concatenate([points, wall]), 9), axis=0, return_inverse=True)
+        places = places.reshape(-1)
+        count = len(places) - len(wall)
+        triangles = np.concatenate([places[triangles], places[corners + count]])
+        charts, labels = grown(points, triangles, 1.0)
+        joined.append(labels.max() + 1)
+        assert charts.is_plate(labels).tolist() == ([True, False] if keep == slice(None) else [False])
+    assert joined == [2, 1]
+
+
+def test_charts_are_round_where_all_bends_count():
+    """A long tube is one chart by its curvature, and pieces that are nearly flat by its normals."""
+    points, triangles = cylinder(24, 24)
+    charts = charts_of(points, triangles)
+    labels = charts.grown(charts.flat(), 3.0, is_stiff=True)
+    assert 3 <= labels.max() + 1 <= 12
+    along = np.einsum("ij,ij->i", charts.normals, charts.mean_normals(labels)[labels]) / charts.areas
+    assert along.min() > 0.7
+    assert not charts.grown(labels, 3.0).any()
+
+
 def test_many_small_bends_are_not_flat():
     """A cylinder of 8,000 sides, each of which differs from the next by less than a flat chart has room for."""
     _, labels = grown(*cylinder(1, 8000))
