@@ -386,7 +386,13 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         mending = asset_limits.Mending.of_texts(own.crumbs, own.holes, own.symmetry)
-        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, owns_textures=own.own_textures, keeps=own.keep)
+        wanted = asset_limits.Wanted.of_texts(
+            *texts,
+            mending=mending,
+            owns_textures=own.own_textures,
+            keeps=own.keep,
+            stacks_mirrored=own.stack_mirrored,
+        )
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     if own.keep and own.triangles:

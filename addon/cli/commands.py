@@ -189,6 +189,10 @@ ASSET = Command(
                 "Give each level a UV map and textures of its own, in place of those of the low mesh",
                 {"action": "store_true"},
             ),
+            "stack-mirrored": CommandOption(
+                "Unwrap mirrored halves and equal parts onto the same place of the UV map",
+                {"action": "store_true"},
+            ),
             "crumbs": CommandOption(
                 "Leave out parts that are smaller than this share of the largest one; 0 keeps all",
                 {"default": str(CRUMBS), "metavar": "PERCENT"},

@@ -81,6 +81,7 @@ class Wanted:
         mending: Of the high surface.
         owns_textures: Whether each level has UVs and textures of its own, and not those of the low mesh.
         keeps: Whether the high mesh itself gets UVs and maps, and no low one is made.
+        stacks_mirrored: Whether mirrored and equal parts share their place in the UV map.
     """
 
     degrees: float = math.inf
@@ -93,6 +94,7 @@ class Wanted:
     mending: Mending = USUAL_MENDING
     owns_textures: bool = False
     keeps: bool = False
+    stacks_mirrored: bool = False
 
     @classmethod
     def of_texts(
@@ -107,6 +109,7 @@ class Wanted:
         mending: Mending = USUAL_MENDING,
         owns_textures: bool = False,
         keeps: bool = False,
+        stacks_mirrored: bool = False,
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -124,7 +127,7 @@ class Wanted:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
         limits = angle, round(most), word == AUTO, far, levels, density, is_count_given
-        result = cls(*limits, mending, owns_textures, keeps)
+        result = cls(*limits, mending, owns_textures, keeps, stacks_mirrored)
         result.check()
         return result
 

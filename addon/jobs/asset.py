@@ -298,7 +298,8 @@ def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Task[Low]:
     if unwrapping.is_unwrapped(low.obj, settings.map.uv_layer):
         return low
     before = layers.active.name if layers else ""
-    ref, text = ObjectRef.of(low.obj), (yield from unwrapping.work(low.obj, settings))
+    ref, work = ObjectRef.of(low.obj), unwrapping.work(low.obj, settings, stacks=low.wanted.stacks_mirrored)
+    text = yield from work
     name = low.obj.data.uv_layers.active.name
 
     def undo(kind: type[BaseException] | None, *_: object) -> None:

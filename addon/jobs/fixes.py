@@ -136,9 +136,11 @@ def fix(
     return _FIXES[kind](low, settings)
 
 
-def unwrap(lows: Sequence[tuple[bpy.types.Object, Settings]]) -> Task[tuple[list[str], list[str]]]:
+def unwrap(
+    lows: Sequence[tuple[bpy.types.Object, Settings]], *, stacks: bool = False
+) -> Task[tuple[list[str], list[str]]]:
     """Give objects a UV map, each with the margin of its settings; those that share a mesh get one. Returns a sentence about
-    each that got one, and why others did not.
+    each that got one, and why others did not. stacks: as unwrapping.work has it.
 
     If it is closed before its end, or raises BakeError since none can be unwrapped, nothing has changed.
     """
@@ -148,7 +150,7 @@ def unwrap(lows: Sequence[tuple[bpy.types.Object, Settings]]) -> Task[tuple[list
         try:
             low = ref.resolve()
             _check_editable(low)
-            work = unwrapping.find(low, settings.sampling)
+            work = unwrapping.find(low, settings.sampling, stacks=stacks)
             found.append((ref, (yield from part(work, done / len(of_mesh), (done + 1) / len(of_mesh)))))
         except BakeError as error:
             failures.append(str(error))

@@ -4,10 +4,12 @@
 The mesh itself only gets the UV map. Its modes, its selection and its seams stay as they are.
 """
 
+import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -16,7 +18,7 @@ from ..core import foreach
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task, finish, part
 from ..core.settings import SamplingSettings, Settings
-from ..mesh import topology, uv_charts, uv_islands, uv_packing, uv_stretch
+from ..mesh import topology, uv_charts, uv_islands, uv_packing, uv_stacks, uv_stretch
 from ..mesh.edges import is_without_area
 from ..mesh.topology import EdgeTable
 from ..mesh.triangle_mesh import Mesh
@@ -79,11 +81,13 @@ class Packed:
         way: What is packed.
         uv: Of each corner, float32.
         layout: How they use the map.
+        stacked: The share of the faces that have the UVs of others.
     """
 
     way: Unwrapped
     uv: np.ndarray
     layout: Layout
+    stacked: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -92,6 +96,8 @@ class Packed:
         return (
             f"{layout.islands:,} islands by {self.way.name}, {layout.used:.0%} of the map used, "
             f"stretch {layout.angle:.2f} (angles), {layout.area:.2f} (areas)"
+            + f", {self.stacked:.0%} of the faces on others"
+            * (self.stacked > 0.0)
         )
 
 
@@ -100,21 +106,27 @@ def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False)
     return finish(work(low, settings, is_quick=is_quick))
 
 
-def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False) -> Task[str]:
-    """Give an object's own mesh a UV map, the active one. Returns a sentence about it. is_quick: whether only one way is tried.
+def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False, stacks: bool = False) -> Task[str]:
+    """Give an object's own mesh a UV map, the active one. Returns a sentence about it.
 
     Raises BakeError if no way works. Then, and if it is closed before its end, nothing has changed.
+
+    Args:
+        is_quick: whether only one way is tried.
+        stacks: whether mirrored halves and equal parts are on the same place.
     """
     ref = ObjectRef.of(low)
-    found = yield from find(low, settings.sampling, is_quick=is_quick)
+    found = yield from find(low, settings.sampling, is_quick=is_quick, stacks=stacks)
     return apply(ref.resolve(), found)
 
 
-def find(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Packed]:
+def find(
+    low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False, stacks: bool = False
+) -> Task[Packed]:
     """The best UV map of an object's own mesh, which stays as it is. As `work`."""
     check(low)
     name = low.name
-    best = yield from _best(low, sampling, is_quick=is_quick)
+    best = yield from _best(low, sampling, is_quick=is_quick, stacks=stacks)
     if best is None:
         raise BakeError(f"{name!r} cannot be unwrapped: its faces have no area.")
     return best
@@ -153,36 +165,49 @@ def apply(low: bpy.types.Object, found: Packed) -> str:
     return f"{low.name!r} is unwrapped: {found.sentence}"
 
 
-def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False) -> Task[Packed | None]:
+def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool, stacks: bool) -> Task[Packed | None]:
     """The best UVs for an object's own mesh; None if it has no area."""
     with _copy(low) as obj:
         yield Progress("Cutting into charts", 0.0)
         mesh = _read(obj)
         if is_without_area(mesh):
             return None
-        unwrapping = _Unwrapping(obj, mesh, sampling)
-        ways = yield from part(unwrapping.ways(is_quick=is_quick), 0.0, 0.6)
-        packed = yield from part(unwrapping.all_packed(ways), 0.6, 0.65)
-        if max(each.layout.figure for each in packed) == 0.0:
-            return None
-        if is_quick:
-            return max(packed, key=lambda each: each.layout.figure)
-        if len(mesh.faces) < FEW:
-            ways = yield from part(unwrapping.shorter(packed), 0.65, 0.7)
-            packed += yield from part(unwrapping.all_packed(ways), 0.7, 0.75)
-        packed = unwrapping.without_many(packed)
-        near = [each for each in packed if each.layout.figure >= NEAR * packed[0].layout.figure]
-        fewest = min(near, key=lambda each: each.layout.islands)
-        finalists = [each for each in near if each is not fewest][: FINALISTS - 1 if len(mesh.faces) < FEW else 0]
-        finalists.append(fewest)
-        last = [each for each in packed if each.way.name == SMART]
-        for done, each in enumerate(finalists):
-            here, there = (0.75 + 0.25 * step / len(finalists) for step in (done, done + 1))
-            last.append((yield from part(unwrapping.finished(each), here, there)))
-        # The one with the fewest islands of those that are close to the best, and no worse than Smart Project.
-        least = max(each.layout.figure * (1.0 if each.way.name == SMART else CLOSE) for each in last)
-        good = [each for each in last if each.layout.figure >= least]
-        return min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
+        starts, materials = (foreach.read(obj.data.polygons, name) for name in ("loop_start", "material_index"))
+        copies = uv_stacks.copies(mesh, starts, materials) if stacks else None
+        if copies is not None:
+            _remove(obj.data, copies.is_copy)
+            mesh = _read(obj)
+        best = yield from _found(_Unwrapping(obj, mesh, sampling), mesh, is_quick=is_quick)
+        if copies is None or best is None:
+            return best
+        numbers = np.cumsum(copies.corners == np.arange(len(copies.corners))) - 1  # of the corners that are left
+        return replace(best, uv=best.uv[numbers[copies.corners]], stacked=float(copies.is_copy.mean()))
+
+
+def _found(unwrapping: "_Unwrapping", mesh: Mesh, *, is_quick: bool) -> Task[Packed | None]:
+    """The best UVs for a mesh; None if it has no area."""
+    ways = yield from part(unwrapping.ways(is_quick=is_quick), 0.0, 0.6)
+    packed = yield from part(unwrapping.all_packed(ways), 0.6, 0.65)
+    if max(each.layout.figure for each in packed) == 0.0:
+        return None
+    if is_quick:
+        return max(packed, key=lambda each: each.layout.figure)
+    if len(mesh.faces) < FEW:
+        ways = yield from part(unwrapping.shorter(packed), 0.65, 0.7)
+        packed += yield from part(unwrapping.all_packed(ways), 0.7, 0.75)
+    packed = unwrapping.without_many(packed)
+    near = [each for each in packed if each.layout.figure >= NEAR * packed[0].layout.figure]
+    fewest = min(near, key=lambda each: each.layout.islands)
+    finalists = [each for each in near if each is not fewest][: FINALISTS - 1 if len(mesh.faces) < FEW else 0]
+    finalists.append(fewest)
+    last = [each for each in packed if each.way.name == SMART]
+    for done, each in enumerate(finalists):
+        here, there = (0.75 + 0.25 * step / len(finalists) for step in (done, done + 1))
+        last.append((yield from part(unwrapping.finished(each), here, there)))
+    # The one with the fewest islands of those that are close to the best, and no worse than Smart Project.
+    least = max(each.layout.figure * (1.0 if each.way.name == SMART else CLOSE) for each in last)
+    good = [each for each in last if each.layout.figure >= least]
+    return min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
 
 
 def _different(ways: list[Unwrapped]) -> list[Unwrapped]:
@@ -194,6 +219,17 @@ def _different(ways: list[Unwrapped]) -> list[Unwrapped]:
 def _side_lengths(uv: np.ndarray) -> np.ndarray:
     """The lengths (T, 3) of the sides of triangles (T, 3, 2)."""
     return np.linalg.norm(np.roll(uv, -1, axis=1) - uv, axis=2)
+
+
+def _remove(data: bpy.types.Mesh, chosen: np.ndarray) -> None:
+    """Remove the chosen faces (F,) bool from a mesh. All others stay in their order."""
+    edited = bmesh.new()
+    try:
+        edited.from_mesh(data)
+        bmesh.ops.delete(edited, geom=list(itertools.compress(edited.faces, chosen.tolist())), context="FACES")
+        edited.to_mesh(data)
+    finally:
+        edited.free()
 
 
 def margin(sampling: SamplingSettings) -> float:

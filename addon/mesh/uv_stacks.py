@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""UV islands for packing: those that lie on each other count as one, and take their place and size together."""
+"""UV islands that lie on each other, which count as one for packing, and faces of the same shape, which may do so."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from . import uv_islands, uv_layout
+from . import topology, uv_islands, uv_layout
 from .triangle_mesh import Mesh
-from .triangles import face_areas
+from .triangles import diagonal, face_areas
+
+NEAR = 1e-4
+"""Points that are closer than this share of the mesh's diagonal are in one place."""
+MOST_MIRRORED = 0.5
+"""The share of the area that has a mirror, at least, where halves are copies."""
+KINDS, ATTEMPTS = 8, 6
+"""With how many parts of other shapes a part is compared that could be the same, and in how many ways for two points each."""
 
 
 class Stacks:
@@ -98,3 +105,195 @@ class Stacks:
         middle_after = np.where(squares > 0.0, middle_after, 0.5 + 0.5j)
         moved = factor[self.of] * (self.uv @ (1.0, 1.0j) - middle[self.of]) + middle_after[self.of]
         return np.stack([moved.real, moved.imag], axis=1) + self.tiles
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """Faces that are copies of others, as mirrored halves, and parts that are there several times.
+
+    Attributes:
+        is_copy: (F,) bool, of faces.
+        corners: (C,) int, the corner whose UV each corner of the mesh can have: its own, or that of its original.
+    """
+
+    is_copy: np.ndarray
+    corners: np.ndarray
+
+
+def copies(mesh: Mesh, starts: np.ndarray, materials: np.ndarray) -> Copies | None:
+    """The faces of a mesh that can have the UVs of others, as they have the same shape, turned or mirrored; None for none.
+
+    Loose parts of the same shape are copies of the first of them. Of the rest, if most of it is its own mirror, what is below
+    the middle along x, y or z, or below 0, is a copy of what is above.
+
+    Args:
+        mesh: with faces.
+        starts: (F,) int, the first corner of each face, in order; the others follow.
+        materials: (F,) int, of faces; copies have those of their originals.
+    """
+    if not len(mesh.triangles):
+        return None
+    places, points = np.unique(topology.places(mesh.positions)[mesh.vertices], return_inverse=True)
+    starts = np.append(starts.astype(np.int64), len(points))
+    faces = _Faces(mesh, starts, mesh.positions[places].astype(np.float64), points, materials)
+    corners = np.arange(len(points))
+    alone = faces.repeated(corners)
+    faces.mirrored(corners, alone)
+    if (corners == np.arange(len(corners))).all():
+        return None
+    return Copies(corners[starts[:-1]] != starts[:-1], corners)
+
+
+class _Faces:
+    """The faces of a mesh. points (P, 3): those that are apart. at (C,) int: the point of each corner."""
+
+    def __init__(self, mesh: Mesh, starts: np.ndarray, points: np.ndarray, at: np.ndarray, materials: np.ndarray):
+        self.points, self.at, self.starts, self.sizes = points, at, starts[:-1], np.diff(starts)
+        self.of = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        following = np.arange(1, len(at) + 1)
+        following[starts[1:] - 1] = starts[:-1]
+        self.ends = at[following]
+        self.near, self.marks = NEAR * diagonal(points), topology.hashes(materials[:, None].astype(np.int64))
+        self.areas = np.bincount(mesh.faces, face_areas(mesh.positions[mesh.vertices[mesh.triangles]]), len(self.sizes))
+        self.middles = topology.sums_of(self.of, points[at], len(self.sizes)) / self.sizes[:, None]
+
+    def matches(self, chosen: np.ndarray, originals: np.ndarray, image: np.ndarray, *, is_mirrored: bool) -> np.ndarray:
+        """The corner (C,) int of originals that each corner of chosen faces lies on, if points go to their image; -1 for none.
+
+        Args:
+            chosen: (F,) bool.
+            originals: (F,) bool.
+            image: (P,) int, the point to which each point goes; -1 for none.
+        """
+        start, end = image[self.at], image[self.ends]
+        is_there = (start >= 0) & (end >= 0)
+        if is_mirrored:
+            start, end = end, start
+        found = np.full(len(self.at), -1)
+        # Faces have the same sides, whichever is the first.
+        keys, keys_there = (
+            self._sums(topology.hashes(np.stack(sides, axis=1).astype(np.int64)))
+            for sides in ((self.at, self.ends), (start, end))
+        )
+        chosen = chosen & (np.bincount(self.of, ~is_there, len(self.sizes)) == 0.0)
+        faces, wanted = np.flatnonzero(originals), np.flatnonzero(chosen)
+        if not len(faces) or not len(wanted):
+            return found
+        order = faces[np.argsort(keys[faces], kind="stable")]
+        where = np.minimum(np.searchsorted(keys[order], keys_there[wanted]), len(order) - 1)
+        is_same = keys[order[where]] == keys_there[wanted]
+        face = np.full(len(self.sizes), -1)
+        face[wanted[is_same]] = order[where[is_same]]
+        here = np.flatnonzero(face[self.of] >= 0)
+        corner_keys = self.of * len(self.points) + self.at
+        sorted_corners = np.argsort(corner_keys, kind="stable")
+        looked_for = face[self.of[here]] * len(self.points) + image[self.at[here]]
+        position = np.minimum(np.searchsorted(corner_keys[sorted_corners], looked_for), len(self.at) - 1)
+        corner = sorted_corners[position]
+        found[here] = np.where(corner_keys[corner] == looked_for, corner, -1)
+        is_whole = np.bincount(self.of, found < 0, len(self.sizes)) == 0.0
+        return np.where(is_whole[self.of], found, -1)
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        sums = self.marks.copy()
+        np.add.at(sums, self.of, values)
+        return sums
+
+    def mirrored(self, corners: np.ndarray, free: np.ndarray) -> None:
+        """Give corners of `free` faces (F,) bool those of their mirror, if there is a plane of which most of them have one."""
+        best, most = None, MOST_MIRRORED * self.areas[free].sum()
+        box = np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+        for axis in range(3):
+            for middle in dict.fromkeys([float(box[:, axis].mean()), 0.0]):
+                mirror = self.points.copy()
+                mirror[:, axis] = 2.0 * middle - mirror[:, axis]
+                side = self.middles[:, axis] - middle
+                is_copy, is_original = free & (side < -self.near), free & (side > self.near)
+                found = self.matches(is_copy, is_original, self._image(mirror), is_mirrored=True)
+                area = 2.0 * self.areas[np.unique(self.of[found >= 0])].sum()
+                if area > most * (1.0 + 1e-6):
+                    best, most = found, area
+        if best is not None:
+            corners[best >= 0] = best[best >= 0]
+
+    def _image(self, moved: np.ndarray) -> np.ndarray:
+        """The point (P,) int in the place of each moved point (P, 3); -1 for none."""
+        image = topology.places(np.concatenate([self.points, moved]), self.near)[len(moved) :]
+        return np.where(image < len(moved), image, -1)
+
+    def repeated(self, corners: np.ndarray) -> np.ndarray:
+        """Give corners of loose parts those of an earlier part of the same shape. Returns the faces (F,) bool of all others."""
+        roots, part = topology.numbered(topology.connected(len(self.points), self.at, self.ends))
+        of_faces, is_free = part[self.at[self.starts]], np.ones(len(self.sizes), bool)
+        image, (is_copy, is_original) = np.full(len(self.points), -1), np.zeros((2, len(roots)), bool)
+        by_part = np.argsort(part, kind="stable")
+        points_of = np.split(by_part, np.flatnonzero(np.diff(part[by_part])) + 1)
+        for group in self._alike(part, of_faces, len(roots)):
+            known: list[int] = []
+            for number in group:
+                here = points_of[number]
+                for other in known[:KINDS]:
+                    there = points_of[other]
+                    found = _motion(self.points[here], self.points[there], self.near)
+                    if found is not None:
+                        image[here], is_copy[number], is_original[other] = there[found], True, True
+                        break
+                else:
+                    known.append(number)
+        for is_mirrored in (False, True):  # flat parts are turned over by both
+            found = self.matches(is_copy[of_faces], is_original[of_faces], image, is_mirrored=is_mirrored)
+            is_whole = (np.bincount(part[self.at], found < 0, len(roots)) == 0.0) & is_copy
+            is_taken = is_whole[part[self.at]]
+            corners[is_taken] = found[is_taken]
+            is_free &= ~is_whole[of_faces]
+            is_copy &= ~is_whole
+        is_used = np.zeros(len(self.sizes), bool)
+        is_used[self.of[corners[corners != np.arange(len(corners))]]] = True
+        of_used = np.bincount(of_faces, is_used, len(roots)) > 0.0
+        return is_free & ~of_used[of_faces]
+
+    def _alike(self, part: np.ndarray, of_faces: np.ndarray, count: int) -> list[list[int]]:
+        """Parts with as many faces, corners and points, and as much area, in groups of two or more."""
+        numbers = [np.bincount(x, minlength=count) for x in (of_faces, part[self.at], part)]
+        areas = np.bincount(of_faces, self.areas, count)
+        order = np.lexsort((areas, *numbers))
+        differs = np.any([x[order[1:]] != x[order[:-1]] for x in numbers], axis=0)
+        differs |= np.diff(areas[order]) > 10.0 * self.near * np.sqrt(areas[order[1:]])
+        groups = np.split(order, np.flatnonzero(differs) + 1)
+        return [np.sort(group).tolist() for group in groups if len(group) > 1]
+
+
+def _motion(points: np.ndarray, others: np.ndarray, near: float) -> np.ndarray | None:
+    """Which of others (N, 3) each of points (N, 3) lies on if they are turned, or mirrored; None if that is not possible.
+
+    Two points far from the middle, and from the line to it, go to each two that are as far.
+    """
+    points, others = points - points.mean(axis=0), others - others.mean(axis=0)
+    far, far_there = np.linalg.norm(points, axis=1), np.linalg.norm(others, axis=1)
+    one = int(far.argmax())
+    aside = np.linalg.norm(np.cross(points, points[one]), axis=1)
+    two = int(aside.argmax())
+    if not aside[two] > near * far[one]:
+        return None
+    frame = _frame(points[one], points[two])
+    apart = np.linalg.norm(points[one] - points[two])
+    for is_mirrored in (False, True):
+        for first in np.flatnonzero(np.abs(far_there - far[one]) < near)[:ATTEMPTS]:
+            distances = np.linalg.norm(others - others[first], axis=1)
+            fits = (np.abs(far_there - far[two]) < near) & (np.abs(distances - apart) < near)
+            for second in np.flatnonzero(fits)[:ATTEMPTS]:
+                turn = _frame(others[first], others[second])
+                turn[2] *= -1.0 if is_mirrored else 1.0
+                moved = points @ frame.T @ turn
+                image = topology.places(np.concatenate([others, moved]), near)[len(others) :]
+                if image.max() < len(others) and len(np.unique(image)) == len(others):
+                    return image
+    return None
+
+
+def _frame(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Axes (3, 3) in rows: to a point, aside to another, and across both."""
+    first = one / np.linalg.norm(one)
+    second = two - (two @ first) * first
+    second /= np.maximum(np.linalg.norm(second), 1e-300)
+    return np.stack([first, second, np.cross(first, second)])

@@ -122,7 +122,7 @@ def drawn_texts() -> Iterator[Text]:
     for call in calls("ui", "jobs", "engine", "scene", "core", "output", "audit"):
         if called(call) in RAISED_OR_SHOWN and call.args and is_text(call.args[0]):
             yield RAISED_OR_SHOWN[called(call)], call.args[0].value
-    yield from ((LABEL, call.args[0].value) for call in calls("export") if called(call) == "Progress")
+    yield from ((LABEL, call.args[0].value) for call in calls("export", "mesh") if called(call) == "Progress")
     yield from ((LABEL, kind.title) for kind in ray_maps.RayMaps.__subclasses__())
 
 

@@ -161,6 +161,11 @@ ASSET: dict[str, Setting] = {
         tooltip="Give each level a UV map and textures of its own, in place of those of the low mesh",
         option=None,
     ),
+    "asset_stack_mirrored": Switch(
+        label="Stack Mirrored",
+        tooltip="Unwrap mirrored halves and equal parts onto the same place, also by the button Unwrap",
+        option=None,
+    ),
 }
 
 
