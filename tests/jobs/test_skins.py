@@ -180,6 +180,42 @@ def test_values_of_vertices_come_nearest_to_those_of_samples():
     np.testing.assert_array_equal(moved[:, 1], 0.0)
 
 
+def test_values_of_vertices_are_those_of_least_squares():
+    """Against numpy's dense solver."""
+    rng = np.random.default_rng(7)
+    triangles = zoo.grid_faces(5, 5)[:, :3]
+    nearest, shares = rng.integers(0, len(triangles), 600), rng.dirichlet([1.0, 1.0, 1.0], 600)
+    missing = rng.normal(0.0, 1.0, (600, 4))
+    rows = np.zeros((600, 36))
+    np.put_along_axis(rows, triangles[nearest], shares, axis=1)
+    pull = np.sqrt(skins.PULL * 600 / 36) * np.eye(36)
+    best = np.linalg.lstsq(np.vstack([rows, pull]), np.vstack([missing, np.zeros((36, 4))]), rcond=None)[0]
+    np.testing.assert_allclose(skins.projected(missing, triangles, nearest, shares, 36), best, atol=2e-3)
+
+
+def test_a_low_mesh_lies_on_both_sides_of_what_it_cannot_follow():
+    """A key that bows a rod by z^2: the best lines between rings of the distance 1 lie 1/6 below it at each ring."""
+    high, low = rod("High", 8, 48), rod("Low", 4, 4)
+    bow = points(high)
+    bow[:, 0] += bow[:, 2] ** 2
+    add_key(high, "bow", bow)
+    carried([high], [low])
+    offsets = key_points(low, "bow") - points(low)
+    np.testing.assert_allclose(offsets[:, 0], points(low)[:, 2] ** 2 - 1.0 / 6.0, atol=0.06)
+    np.testing.assert_allclose(offsets[:, 1:], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("turn", "place"), [("Y", (5.0, 0.0, 2.0)), ("Z", (0.0, 0.0, 4.2))])
+def test_what_the_low_mesh_lacks_lends_no_weights(turn, place):
+    """A plate beside a side of the rod that faces the same way, and one over its end that faces another."""
+    high, low, _ = rods()
+    plate = zoo.plane("Plate", 4)
+    plate.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(np.pi / 2.0, 4, turn)
+    scenes.weigh(plate, "plate", 1.0)
+    carried([high, plate], [low])
+    assert (weights(low, "plate") == -1.0).all()
+
+
 def test_places_on_the_other_side_of_a_gap_are_left_out():
     """Lips: two sheets that face each other, and places that lie beyond the middle between them."""
     lower, upper = zoo.plane("lower", 4), zoo.plane("upper", 4)
@@ -371,6 +407,26 @@ def test_keys_that_follow_each_other_in_time_are_left_out():
     high.data.shape_keys.use_relative = False
     carried([high], [low])
     assert low.data.shape_keys is None
+
+
+@pytest.mark.parametrize("is_moved", [False, True])
+def test_custom_normals_follow_a_pose(is_moved):
+    """Plain vectors, as levels that share a map have them. The whole rod turns with one bone."""
+    high, low, rig = rod("High", 8, 8), rod("Low", 4, 4), armature()
+    scenes.weigh(high, "root", 1.0)
+    arm(high, rig)
+    before = mesh_reader.corner_normals(low.data) + np.random.default_rng(3).normal(0.0, 0.2, (len(low.data.loops), 3))
+    before /= np.linalg.norm(before, axis=1, keepdims=True)
+    low.data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set(
+        "vector", before.astype(np.float32).reshape(-1)
+    )
+    carried([high], [low])
+    if is_moved:
+        bend(rig, "root")
+    bpy.context.view_layer.update()
+    shown = mesh_reader.corner_normals(low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
+    turn = np.array(rig.pose.bones["root"].matrix.to_3x3() @ rig.data.bones["root"].matrix_local.to_3x3().inverted())
+    np.testing.assert_allclose(shown, before @ turn.T, atol=2e-3)
 
 
 def test_a_parent_among_the_objects_is_passed():

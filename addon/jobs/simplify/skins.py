@@ -143,6 +143,8 @@ class Skin:
                 _mute(self.lows[-1], offsets, True)
         for low in lows:
             self._attach(low, highs)
+            if low.modifiers or _keys(low):
+                _fix_normals(low.data)
         context.view_layer.update()
         return [*self.notes, *notes]
 
@@ -561,6 +563,15 @@ def _is_skinned(obj: bpy.types.Object, for_render: bool) -> bool:
     if _armature_modifiers(obj, for_render):
         return True
     return obj.parent is not None and obj.parent.type == "ARMATURE" and obj.parent_type == "ARMATURE"
+
+
+def _fix_normals(data: bpy.types.Mesh) -> None:
+    """Store custom normals against those of the faces, so that they follow a pose: plain vectors stay as they are."""
+    own = data.attributes.get("custom_normal")
+    if own is not None and own.data_type == "FLOAT_VECTOR":
+        normals = mesh_reader.corner_normals(data)
+        data.attributes.remove(own)
+        data.normals_split_custom_set(normals)
 
 
 def _set_pose_position(ref: ObjectRef, value: str) -> None:
