@@ -102,7 +102,7 @@ def work(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptio
     islands = options.islands
     if islands is None:
         islands, _ = topology.components(tuple(triangles.T), len(uv))
-    if not len(triangles):
+    if not len(triangles) or not 2.0 * options.margin < 1.0:
         return None
     places = yield from _Search(uv[triangles].astype(np.float64), islands, options).best()
     if places is None:

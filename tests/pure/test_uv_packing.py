@@ -78,7 +78,8 @@ def test_more_orders_pack_larger():
 
 def test_what_does_not_fit_is_not_packed():
     corners, islands = random_islands(1)
-    assert pack(corners, islands, 0.3) is None
+    for margin in (0.3, 0.5, 0.7):
+        assert pack(corners, islands, margin) is None
     assert pack(0.0 * corners, islands, MARGIN) is None
     assert pack(np.nan * corners, islands, MARGIN) is None
 
