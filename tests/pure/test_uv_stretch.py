@@ -148,3 +148,18 @@ def test_folded_squashed_and_lost_islands_are_told():
     needs = uv_stretch.needs(points, uv, islands)
     assert needs.is_folded.tolist() == [False, True, True, True, False]
     assert needs.need == pytest.approx(needs.surface) and np.isfinite(needs.scale).all()
+
+
+def test_borders_and_split_vertices_are_those_of_triangles_with_area():
+    """A triangle without area comes first, and 0 has two signs."""
+    points = np.concatenate([SQUARE[:1, [0, 1, 1]], SQUARE])
+    uv = np.concatenate([SQUARE[:1], SQUARE])[..., :2] * 0.5
+    uv[2][uv[2] == 0.0] = -0.0
+    found = uv_stretch.measure(points, uv, 100, np.array([[7, 8, 9], [0, 1, 2], [0, 2, 3]]))
+    assert (found.islands, found.split, found.border) == (1, 0.0, pytest.approx(0.04))
+
+
+def test_what_is_known_to_be_sound_is_not_looked_at():
+    points = np.concatenate([SQUARE, SQUARE + (5.0, 0.0, 0.0)])
+    uv = np.concatenate([SQUARE, SQUARE])[..., :2]
+    assert [uv_stretch.measure(points, uv, is_sound=known).sound for known in (False, True)] == [0.0, 1.0]
