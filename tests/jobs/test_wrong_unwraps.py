@@ -9,7 +9,7 @@ from mathutils import Matrix
 from addon.core.errors import BakeError
 from addon.core.progress import finish
 from addon.core.settings import Settings
-from addon.jobs import fixes, unwrapping
+from addon.jobs import fixes, flattening, unwrapping
 from addon.mesh import uv_layout, uv_stretch
 from addon.scene import mesh_reader
 from tests.jobs.test_unwrapping import state
@@ -169,18 +169,27 @@ def test_no_object_without_a_mesh_is_unwrapped():
 
 
 def test_of_several_those_that_cannot_be_unwrapped_are_told_and_meshes_that_are_shared_get_one_map():
-    one, flat = sheet(), build(SQUARE, [])
+    one, flat, empty = sheet(), build(SQUARE, []), build([], [])
     other = bpy.data.objects.new("other", one.data)
-    work = fixes.unwrap([(flat, SETTINGS), (one, SETTINGS), (other, SETTINGS)])
+    work = fixes.unwrap([(flat, SETTINGS), (one, SETTINGS), (other, SETTINGS), (empty, SETTINGS)])
     steps, counts = [], set()
     done, failures = finish(work, lambda step: (steps.append(step.done), counts.add(len(one.data.uv_layers))))
     assert counts == {0}  # until all are done
     assert [text.split(":")[0] for text in done] == ["'lo' is unwrapped"]
-    assert failures == ["'lo.001' has no faces: choose a mesh that has some."]
+    assert failures == [f"'lo.00{number}' has no faces: choose a mesh that has some." for number in (1, 2)]
     assert len(one.data.uv_layers) == 1
     assert steps == sorted(steps)
     with pytest.raises(BakeError, match=r"'lo\.001' has no faces"):
         next(fixes.unwrap([(flat, SETTINGS)]))
+
+
+def test_a_copy_with_shape_keys_keeps_its_points_in_edit_mode():
+    with unwrapping._copy(sheet(keys)) as obj:
+        before = mesh_reader.points(obj.data)
+        with flattening.editing(obj):
+            pass
+        assert np.array_equal(mesh_reader.points(obj.data), before)
+        assert np.ptp(before, axis=0) == pytest.approx((1.0 / 3.0, 1.0, np.ptp(before[:, 2])))
 
 
 def test_a_mesh_that_changes_meanwhile_stays():
