@@ -2,17 +2,19 @@
 """Compares the shading errors of game assets: made by Imprint, and by hand with Blender, at equal triangles and map size.
 
 .venv/bin/python scripts/bench/asset_by_hand.py FILE.blend ... [--high NAME] [--triangles 3000] [--size 512] [--equal]
+    [--rivals]
 
 By hand: Decimate, Smart UV Project, and Cycles' selected to active with the best of five distances. --equal also says how many
-triangles that takes for the error of Imprint. Maps are in object space with 32 bits, so that no tangent basis and no rounding
-enters.
+triangles that takes for the error of Imprint. --rivals adds meshoptimizer's simplify and xatlas in place of Decimate and Smart
+UV Project, if these packages are there. Maps are in object space with 32 bits, so that no tangent basis and no rounding enters.
+Seconds are those of the processor.
 """
 
 import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +35,8 @@ from addon.core.settings import Settings  # noqa: E402
 from addon.engine import normal_space  # noqa: E402
 from addon.jobs import asset  # noqa: E402
 from addon.jobs.job import Job  # noqa: E402
-from addon.scene import reading  # noqa: E402
+from addon.mesh.welding import weld  # noqa: E402
+from addon.scene import mesh_reader, reading  # noqa: E402
 
 DISTANCES = 0.002, 0.005, 0.01, 0.02, 0.05
 """How far outside the low mesh Cycles' rays start, as a share of the diagonal. They are twice as long."""
@@ -42,6 +45,8 @@ EQUAL, TRIES = 0.02, 6
 """The share by which errors that count as equal differ at most, and how many counts of triangles are tried for that."""
 ANGLE = np.radians(66.0)
 """The default of Smart UV Project."""
+MARGIN = 0.004
+"""Between islands, as a share of the map."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=512, metavar="TEXELS")
     parser.add_argument("--samples", type=int, default=4, metavar="N")
     parser.add_argument("--equal", action="store_true")
+    parser.add_argument("--rivals", action="store_true")
     options = parser.parse_args()
     gpu.init()
     settings = Settings(
@@ -81,22 +87,38 @@ def main() -> None:
         for obj in [obj for obj in bpy.data.objects if obj is not high]:
             bpy.data.objects.remove(obj)
         print(f"{Path(file).stem}, {options.size} x {options.size}")
-        ours = of_imprint(high, options.triangles, settings)
-        print(ours.row(), flush=True)
-        distance, best = min(by_hand(high, ours.triangles, settings), key=lambda each: each[1].errors["mean"])
+        with appearance.kept_pictures():
+            compare(high, settings, options)
+
+
+def compare(high: bpy.types.Object, settings: Settings, options: argparse.Namespace) -> None:
+    """Print what each way makes of a high object."""
+    ours = of_imprint(high, options.triangles, settings)
+    print(ours.row(), flush=True)
+    distance, best = min(by_hand(high, ours.triangles, settings), key=lambda each: each[1].errors["mean"])
+    print(best.row())
+    print(f"  Imprint has {ours.errors['mean'] / best.errors['mean']:.2f} of the error by hand", flush=True)
+    if options.equal:
+        print_equal(high, ours, best, distance, settings)
+    if options.rivals:
+        best = best_rival(high, ours.triangles, settings)
         print(best.row())
-        print(f"  Imprint has {ours.errors['mean'] / best.errors['mean']:.2f} of the error by hand", flush=True)
-        if options.equal:
-            print_equal(high, ours, best, distance, settings)
+        print(f"  Imprint has {ours.errors['mean'] / best.errors['mean']:.2f} of the error of rivals", flush=True)
+
+
+def best_rival(high: bpy.types.Object, triangles: int, settings: Settings) -> Made:
+    """By meshoptimizer, xatlas and Cycles, with the best of the distances."""
+    made = by_cycles(rival_low, high, triangles, settings)
+    return min((each for _, each in made), key=lambda each: each.errors["mean"])
 
 
 def of_imprint(high: bpy.types.Object, triangles: int, settings: Settings) -> Made:
-    start = time.perf_counter()
+    start = time.process_time()
     work = asset.work(
         bpy.context, Job(high, [high]), Wanted(triangles=triangles), settings, Pace(), suffixes=Suffixes()
     )
     (report,) = finish(work)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     return Made("Imprint", report.triangles["low"], report.appearance, seconds)
 
 
@@ -126,24 +148,65 @@ def by_hand(
     high: bpy.types.Object, triangles: int, settings: Settings, distances: Sequence[float] = DISTANCES
 ) -> list[tuple[float, Made]]:
     """By Blender alone, with each of the distances."""
-    start = time.perf_counter()
-    low = decimated(high, triangles)
+    return by_cycles(decimated, high, triangles, settings, distances)
+
+
+def by_cycles(
+    make: Callable[[bpy.types.Object, int, int], bpy.types.Object],
+    high: bpy.types.Object,
+    triangles: int,
+    settings: Settings,
+    distances: Sequence[float] = DISTANCES,
+) -> list[tuple[float, Made]]:
+    """Baked by Cycles, with each of the distances. make: takes the high object, the triangles, and the side of the map."""
+    start = time.process_time()
+    low = make(high, triangles, settings.sampling.width)
     image = target(low, settings.sampling.width)
     diagonal = float(np.linalg.norm(np.array(high.dimensions)))
-    before, made = time.perf_counter() - start, []
+    before, made = time.process_time() - start, []
     for distance in distances:
-        start = time.perf_counter()
+        start = time.process_time()
         bake(low, high, distance * diagonal)
-        seconds = before + time.perf_counter() - start
+        seconds = before + time.process_time() - start
         errors = measured(low, high, image, settings)
-        made.append((distance, Made(f"by hand, {distance:.1%}", len(low.data.polygons), errors, seconds)))
+        made.append((distance, Made(f"{low.data.name}, {distance:.1%}", len(low.data.polygons), errors, seconds)))
     bpy.data.meshes.remove(low.data)
     return made
 
 
-def decimated(high: bpy.types.Object, triangles: int) -> bpy.types.Object:
+def rival_low(high: bpy.types.Object, triangles: int, size: int) -> bpy.types.Object:
+    """As `decimated`, by meshoptimizer, whose error has no limit, and xatlas, with the same margin."""
+    import meshoptimizer
+    import xatlas
+
+    data = high.data.copy()
+    data.transform(high.matrix_world)
+    data.calc_loop_triangles()
+    corners = mesh_reader.corner_vertices(data)[mesh_reader.triangles(data)]
+    points, corners = weld(mesh_reader.points(data), corners)
+    corners = np.ascontiguousarray(corners.reshape(-1), np.uint32)
+    left = np.zeros_like(corners)
+    count = meshoptimizer.simplify(left, corners, points, target_index_count=3 * triangles, target_error=1e9)
+    used, numbers = np.unique(left[:count], return_inverse=True)
+    atlas, pack = xatlas.Atlas(), xatlas.PackOptions()
+    atlas.add_mesh(points[used], numbers.reshape(-1, 3).astype(np.uint32))
+    pack.resolution, pack.padding = size, round(MARGIN * size)
+    atlas.generate(xatlas.ChartOptions(), pack)
+    vertices, faces, uv = atlas[0]
+    made = bpy.data.meshes.new("rivals")
+    made.from_pydata(points[used], [], vertices[faces])
+    scale = np.array([atlas.width, atlas.height]) / max(atlas.width, atlas.height)
+    made.uv_layers.new().uv.foreach_set("vector", (uv * scale)[faces].astype(np.float32).reshape(-1))
+    made.shade_smooth()
+    low = bpy.data.objects.new("rivals", made)
+    bpy.context.scene.collection.objects.link(low)
+    return low
+
+
+def decimated(high: bpy.types.Object, triangles: int, _size: int = 0) -> bpy.types.Object:
     """A coarse copy with new UVs, in the place of the high object, without its scale and rotation."""
     low = bpy.data.objects.new("by hand", high.data.copy())
+    low.data.name = low.name
     bpy.context.scene.collection.objects.link(low)
     low.data.transform(high.matrix_world)
     low.data.materials.clear()
@@ -157,7 +220,7 @@ def decimated(high: bpy.types.Object, triangles: int) -> bpy.types.Object:
     bpy.ops.object.shade_smooth()
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=0.004)
+    bpy.ops.uv.smart_project(angle_limit=ANGLE, island_margin=MARGIN)
     bpy.ops.object.mode_set(mode="OBJECT")
     return low
 
