@@ -38,6 +38,8 @@ SQUARES = 256
 """Squares along a side of the map, at most, whose angles are kept: enough pixels fall on each."""
 TRIANGLES_AT_ONCE = 2**20
 """The most triangles of a high mesh that are drawn at once: between the parts of larger ones, a bake can be canceled."""
+DRAWN_AT_ONCE = 2**23
+"""The most triangles, in all pictures, that are drawn between two steps: drivers without a GPU take a second for them."""
 WRONG = 20.0
 """Degrees of the mean error on a square of the map above which it is taken for wrong: the shape of a low mesh alone costs less,
 seen from straight above."""
@@ -280,11 +282,16 @@ class SeenHighs:
             for first in range(0, len(high.triangles), TRIANGLES_AT_ONCE):
                 triangles = high.front_triangles[first : first + TRIANGLES_AT_ONCE]
                 mesh = [(_uploaded(high, points, triangles), normal_matrix(high.to_world))]
-                for into, view in zip(pictures, self._views, strict=True):
-                    seen_normals.draw_high(into, mesh, view, clear=is_first)
-                pictures[-1].finish()  # so that the driver frees the part before the next one is uploaded
+                views = list(zip(pictures, self._views, strict=True))
+                at_once = max(1, DRAWN_AT_ONCE // len(triangles))
+                for start in range(0, len(views), at_once):
+                    some = views[start : start + at_once]
+                    for into, view in some:
+                        seen_normals.draw_high(into, mesh, view, clear=is_first)
+                    some[-1][0].finish()  # so that the driver frees the part before the next one is uploaded
+                    share = (start + len(some)) / len(views)
+                    yield Progress("Looking at the high mesh", (done + share * len(triangles)) / count)
                 done, is_first = done + len(triangles), False
-                yield Progress("Looking at the high mesh", done / count)
         self._pictures, self._highs = [each.texture for each in pictures], ()
 
     @cached_property

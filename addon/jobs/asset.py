@@ -101,9 +101,8 @@ def work(
             stack.enter_context(skin.at_rest(context, job.highs))
         if not lows or wanted.levels or wanted.distance < math.inf:
             check_gpu()
-            yield Progress("Reading the high objects", 0.0)
-            with timings.timed("read"):
-                high = high_surface.read(context, job, settings, timings, wanted.mending)
+            reading = high_surface.read(context, job, settings, timings, wanted.mending)
+            high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.05)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             making = _Making(context, high, judge, settings)
             lows = yield from part(making.lows(job, lows, wanted, suffixes), 0.05, SEARCHED)

@@ -201,7 +201,7 @@ def finned(size=1.0):
 def test_soups_of_any_size_are_remeshed(size):
     soup = finned(size)
     with temporary.meshes():
-        found = high_surface.read(bpy.context, Job(soup, [soup]), SETTINGS, Timings(STAGES))
+        found = finish(high_surface.read(bpy.context, Job(soup, [soup]), SETTINGS, Timings(STAGES)))
         (base,) = (base for base in found.sources if base.is_remeshed and not base.is_collapsed)
         far = np.abs(np.linalg.norm(mesh_reader.points(base.data), axis=1) / size - 1.0)
     assert far.max() < FARTHEST
@@ -240,7 +240,11 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
     plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
     bpy.context.view_layer.update()
     with temporary.meshes():
-        base = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES)).sources[-1].data
+        base = (
+            finish(high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES)))
+            .sources[-1]
+            .data
+        )
         points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
         top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
     assert len(top) == 2

@@ -16,7 +16,7 @@ from mathutils import Matrix
 from ...core.asset_limits import USUAL_MENDING, Mending
 from ...core.declarations.choices import Symmetry
 from ...core.errors import BakeError
-from ...core.progress import Timings
+from ...core.progress import Progress, Task, Timings
 from ...core.settings import Settings
 from ...engine import hidden_faces
 from ...mesh import mirrors, orientation, small_parts, topology
@@ -121,12 +121,15 @@ class HighSurface:
 
 def read(
     context: bpy.types.Context, job: Job, settings: Settings, timings: Timings, mending: Mending = USUAL_MENDING
-) -> HighSurface:
+) -> Task[HighSurface]:
     """Read the high objects of a job with their modifiers and instances. Raises BakeError.
 
-    timings: get the time of this, as "read", and of low meshes, as their sources say.
+    timings: get the time of low meshes, as their sources say.
     """
+    what = "Reading the high objects"
+    yield Progress(what, 0.0)
     points, triangles = _triangles(context, job, settings)
+    yield Progress(what, 0.1)
     name, origin = job.highs[0].name, np.array(job.highs[0].matrix_world.translation, np.float64)
     count, edge = len(triangles), _edge(face_areas(points, triangles))
     points, triangles = _thinned(*weld((points - origin).astype(np.float32), triangles))
@@ -135,6 +138,7 @@ def read(
     farthest = float(np.abs(points).max())
     if farthest > FAR_AWAY:
         raise BakeError(f"{name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest.")
+    yield Progress(what, 0.3)
     is_crumb, crumbs = small_parts.is_crumb(points, triangles, mending.crumbs)
     triangles = triangles[~is_crumb]
     if EdgeTable.of(triangles).is_against.any():
@@ -146,7 +150,9 @@ def read(
     samples = surface_samples(points, triangles, SAMPLES)
     if not len(samples.points):
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
+    yield Progress(what, 0.5)
     is_seen = _seen(data, points, triangles, samples)
+    yield Progress(what, 0.6)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
     mirror = _mirror(points, triangles, outer, mending.symmetry, name)
     sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad, mirror=mirror)
