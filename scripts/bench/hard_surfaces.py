@@ -257,7 +257,8 @@ def pictured(name: str, high: bpy.types.Object, low: bpy.types.Object, folder: P
             scene.cycles.samples = scene.eevee.taa_render_samples = 4
             scene.render.filepath = str(folder / f"{name}_{engine[-6:].lower()}_{kind}.png")
             bpy.ops.render.render(write_still=True)
-    bpy.data.objects.remove(wires)
+    for obj in (wires, camera, sun):
+        bpy.data.objects.remove(obj)
 
 
 def main() -> None:
