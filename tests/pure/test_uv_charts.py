@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import uv_crossings
-from addon.mesh.uv_charts import ChartOptions, Charts, best_parts
+from addon.mesh.uv_charts import FULL, ChartOptions, Charts, best_parts
 from tests.support import random_cases
 
 MARGIN = 1.0 / 256.0
@@ -260,6 +260,37 @@ def test_charts_are_fewer_where_stretch_counts_less():
     points, triangles = sphere()
     counts = [grown(points, triangles, stretch)[1].max() + 1 for stretch in (100.0, 10.0, 1.0, 0.1, 0.0)]
     assert counts == sorted(counts, reverse=True) and counts[0] > 3 * counts[-1]
+
+
+def most_stretch(bend, wanted=None):
+    """How much stretch may count so that two panels are joined that meet at an angle, in degrees: a ridge if positive."""
+    angle = np.radians(bend)
+    profile = np.array([(0.0, 0.0), (1.0, 0.0), (1.0 + np.cos(angle), -np.sin(angle))])
+    points = np.array([(x, y, z) for y in (0.0, 1.0) for x, z in profile])
+    triangles = np.array([each for k in range(2) for each in ((k, k + 1, k + 4), (k, k + 4, k + 3))])
+    charts = charts_of(points, triangles, faces=np.repeat(np.arange(2), 2), wanted=wanted)
+    low, high = 1e-3, 1e3
+    for _ in range(30):
+        middle = np.sqrt(low * high)
+        is_joined = charts.grown(charts.flat(), middle, is_stiff=True).max() == 0
+        low, high = (middle, high) if is_joined else (low, middle)
+    return low
+
+
+def test_borders_cost_less_in_folds_in_hollows_and_where_they_are_wanted():
+    """The price of an edge is its margins, and that of a split vertex, a tenth of the area by vertex."""
+    margins, split = 2.0 * MARGIN * np.sqrt(2.0 / FULL), 0.1 * 2.0 / 6.0
+    ridge, hollow, wanted = most_stretch(60.0), most_stretch(-60.0), most_stretch(60.0, np.array([(4, 1)]))
+    expected = [share * margins + split for share in (Charts.CHEAP[kind] for kind in ("fold", "concave", "wanted"))]
+    assert np.array([ridge, hollow, wanted]) / ridge == pytest.approx(np.array(expected) / expected[0], rel=1e-3)
+    bend = 2.0 / 3.0 * 2.0 * (1.0 / np.cos(np.radians(30.0)) - 1.0) ** 2
+    assert ridge == pytest.approx(expected[0] / bend, rel=1e-3)
+
+
+@pytest.mark.parametrize("shape", [torus, cube])
+def test_a_closed_surface_has_two_charts_at_least(shape):
+    """A chart without a border cannot be flattened."""
+    assert grown(*shape(), 0.0)[1].max() == 1
 
 
 @random_cases.seeds(6, fast=2)
