@@ -120,6 +120,8 @@ def box(points: np.ndarray) -> tuple[np.ndarray, float]:
 class State:
     """A mesh on its way, as PartialCollapse has it."""
 
+    at_once = AT_ONCE
+
     def __init__(self, points: np.ndarray, triangles: np.ndarray, quadrics: Quadrics):
         self.points, self.triangles, self._round = points, triangles, 0
         self.of_vertex = np.arange(len(points))
@@ -172,7 +174,7 @@ class State:
             self._is_stuck = True
             return False
         chosen, places, costs = chosen[is_cheap], places[is_cheap], costs[is_cheap]
-        most = max(1, int(AT_ONCE * len(costs)))
+        most = max(1, int(self.at_once * len(costs)))
         cheapest = np.flatnonzero(costs <= np.partition(costs, most - 1)[most - 1])
         order = cheapest[np.argsort(costs[cheapest], kind="stable")][:most]
         ranks = np.full(len(edges.ends), len(edges.ends), np.int64)

@@ -27,9 +27,9 @@ LEAST_COSINE, LEAST_QUALITY = 0.2, 1e-3
 harm in a plane."""
 LEAST_LEFT = 0.99
 """The share of the wanted triangles that is left at least when something is closed."""
-STIFF, SIDE = 1e4, 0.01
-"""How many times as much planes count that are no rounds, and the share of the surface from which they do: a large one that is
-tilted by a thousandth costs little, and is seen."""
+STIFF = 1e4
+"""How many times as much large planes count that are no rounds: one that is tilted by a thousandth costs little, and is
+seen."""
 FINER = 4.0, 64.0
 """By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow."""
 
@@ -74,25 +74,41 @@ def collapse_on_planes(
         cost *= FACTOR
         for factor in FINER:
             state.close(wanted, cost / closing, factor)
+        state.flip()
         state.run(wanted, cost)
-    left = state.triangles
-    if len(left) < len(triangles):
-        left = flips.delaunay(state.points, left, planes.of[state.of])
-    used, numbers = topology.numbered(left)
+    if len(state.triangles) < len(triangles):
+        state.flip()
+    used, numbers = topology.numbered(state.triangles)
+    return OnPlanes(state.points[used] * size + center, numbers, state.of)
+
+
+def without_needless(points: np.ndarray, triangles: np.ndarray, planes: Planes) -> OnPlanes:
+    """The same surface with as few triangles as it takes, as `collapse_on_planes` has it: others go on from there."""
+    points, triangles = checked(points, triangles)
+    center, size = collapse.box(points)
+    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size)
+    state.run(0, FIRST_COST)
+    used, numbers = topology.numbered(state.triangles)
     return OnPlanes(state.points[used] * size + center, numbers, state.of)
 
 
 class _State(State):
     """A mesh on its way."""
 
+    at_once = 1.0  # costs come in steps
+
     def __init__(self, points: np.ndarray, triangles: np.ndarray, planes: Planes, size: float):
         self._plane_of, self._normals, self._areas = planes.of, planes.normals, planes.areas / size**2
         shares = self._areas / self._areas.sum()
-        self._is_large = shares > LARGE
-        stiffness = STIFF * np.minimum(shares / SIDE, 1.0) ** 2
+        stiffness = STIFF * np.minimum(shares / LARGE, 1.0) ** 2
         self._weights = self._areas * np.where(planes.is_round, 1.0, 1.0 + stiffness)
         self.of = np.arange(len(triangles))
         super().__init__(points, triangles, self._quadrics(points, triangles, planes.of))
+
+    def flip(self) -> None:
+        """Turn edges within planes: collapses leave thin triangles, which refuse others."""
+        self.triangles = flips.delaunay(self.points, self.triangles, self._plane_of[self.of])
+        self._changed[:] = self._round + 1
 
     def close(self, wanted: int, most: float, factor: float) -> None:
         """Close what costs up to `most` for each vertex, as long as more than `wanted` triangles are left, cheapest first."""
@@ -153,8 +169,8 @@ class _State(State):
         old, new = face_normals(before), face_normals(after)
         old_areas, new_areas = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
         old_quality = quality(before, old_areas)
-        is_of_plane = self._is_large[of] | (old_quality < LEAST_QUALITY)
-        towards = np.where(is_of_plane[:, None], self._normals[of], unit(old))
+        is_thin = old_quality < LEAST_QUALITY  # so that its normal is not known
+        towards = np.where(is_thin[:, None], self._normals[of], unit(old))
         is_turned = (towards * new).sum(axis=1) < LEAST_COSINE * new_areas
         return is_turned | (quality(after, new_areas) < np.minimum(LEAST_QUALITY, 0.5 * old_quality))
 

@@ -4,10 +4,10 @@
 .venv/bin/python scripts/bench/hard_surfaces.py [PART ...] [--share 0.1] [--size 512] [--pictures FOLDER] [FILE.stl ...]
 
 Parts are those of tests/support/cad_parts.py, all without an argument. A line each: triangles; how far places of the high
-mesh's large planes lie from the low mesh across them, and places of the straight edges between them, at the 99th percentile,
-in percent of the diagonal; the mean angle by area between corners' normals and their faces; islands on each planar side in
-the mean, and in all; the outline, and the mean shading error. --pictures renders the high mesh and the asset by Cycles and
-EEVEE beside each other.
+mesh's large planes lie from the low mesh across them, at the 99th percentile in percent of the diagonal, and for how many of
+them nothing stands; how far places of the straight edges between them lie from the low mesh's edges; the mean angle by area
+between corners' normals and their faces; islands on each planar side in the mean, and in all; the outline, and the mean
+shading error. --pictures renders the high mesh and the asset by Cycles and EEVEE beside each other.
 """
 
 import argparse
@@ -42,6 +42,8 @@ LARGE = 0.01
 """The share of the area from which the triangles on a plane are one of its sides."""
 SAMPLES = 1000
 """On each side."""
+GONE = 0.005
+"""The share of the diagonal from which a plane is no longer there: it was closed."""
 VIEW = Vector((0.75, -1.0, 0.7))
 """Towards the camera of pictures."""
 
@@ -79,10 +81,8 @@ class Sides:
         return cls(points, triangles, np.where(is_large[labels], labels, -1))
 
     def off(self, points: np.ndarray, triangles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """How far places (N,) on the planes lie from the triangles of a low mesh that face the same way, across the planes.
-
-        Beyond rims, where nothing lies above a place, there is none.
-        """
+        """How far places (N,) on the planes lie from the triangles of a low mesh that face the same way, across the planes:
+        infinite where there is none above or below."""
         faces = np.cross(*(points[triangles[:, corner]] - points[triangles[:, 0]] for corner in (1, 2)))
         faces /= np.maximum(np.linalg.norm(faces, axis=1), 1e-300)[:, None]
         size, result = np.linalg.norm(np.ptp(self.points, axis=0)), [np.zeros(0)]
@@ -95,11 +95,13 @@ class Sides:
             places = (corners[picked] * rng.dirichlet((1.0, 1.0, 1.0), SAMPLES)[..., None]).sum(axis=1)
             alike = triangles[faces @ normal > np.cos(np.radians(45.0))]
             if not len(alike):
+                result.append(np.full(SAMPLES, np.inf))
                 continue
             away = Surface(points.astype(np.float32), alike).closest(places.astype(np.float32))[1] - places
             across = away @ normal
             within = np.linalg.norm(away - across[:, None] * normal, axis=1)
-            result.append(np.abs(across[within < np.maximum(np.abs(across), 1e-5 * size)]))
+            is_there = (within < np.maximum(np.abs(across), 1e-5 * size)) & (np.abs(across) < GONE * size)
+            result.append(np.where(is_there, np.abs(across), np.inf))
         return np.concatenate(result)
 
     def edges(self) -> np.ndarray:
@@ -154,7 +156,8 @@ def measured(sides: Sides, low: bpy.types.Object) -> dict[str, float]:
             np.percentile(far_from_segments(picked[:, 0] * share + picked[:, 1] * (1.0 - share), segments), 99)
         )
     return {
-        "planes": float(np.percentile(away, 99)) / size,
+        "planes": float(np.percentile(away[np.isfinite(away)], 99)) / size,
+        "gone": 1.0 - float(np.isfinite(away).mean()),
         "edges": edges_off / size,
         "normals": float((degrees * areas).sum() / areas.sum()),
         **_islands(sides, mesh, points, faces, areas),
@@ -209,9 +212,9 @@ def made(name: str, share: float, size: int, pictures: Path | None) -> str:
     if pictures:
         pictured(Path(name).stem, high, low, pictures)
     return (
-        f"{Path(name).stem:14} {len(triangles):6,} {report.triangles['low']:5,}  planes {found['planes']:8.4%}  edges "
-        f"{found['edges']:8.4%}  normals {found['normals']:5.1f}  a side {found['of_a_side']:5.2f}  islands "
-        f"{found['islands']:4}  outline {seen['silhouette']:6.2%}  mean {seen['mean']:5.2f}  {seconds:5.1f} s"
+        f"{Path(name).stem:14} {len(triangles):6,} {report.triangles['low']:5,}  planes {found['planes']:8.4%} "
+        f"gone {found['gone']:5.1%}  edges {found['edges']:8.4%}  normals {found['normals']:5.1f}  "
+        f"a side {found['of_a_side']:5.2f}  islands {found['islands']:4}  outline {seen['silhouette']:6.2%}  mean {seen['mean']:5.2f}  {seconds:5.1f} s"
     )
 
 

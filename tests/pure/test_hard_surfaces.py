@@ -6,7 +6,7 @@ import pytest
 
 from addon.mesh import flips, hard_edges, polygons
 from addon.mesh.fitting import FitOptions, fit, surface_samples
-from addon.mesh.plane_collapse import collapse_on_planes
+from addon.mesh.plane_collapse import collapse_on_planes, without_needless
 from addon.mesh.planes import planes
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import enclosed_volumes, face_areas, unit_normals
@@ -207,6 +207,14 @@ def test_polygons_are_covered_once_by_their_triangles():
         of.append(np.full(len(outline), number))
         points.append(np.column_stack([outline, np.zeros(len(outline))]))
         count += len(outline)
+    turn = np.linspace(0.0, 4.0 * np.pi, 60)
+    spiral = np.stack([np.cos(turn), np.sin(turn)], axis=1) * (1.0 + 0.3 * turn)[:, None]
+    outlines.append(np.concatenate([1.1 * spiral, spiral[::-1]]))
+    here = count + np.arange(len(outlines[-1]))
+    first.append(here)
+    last.append(np.roll(here, -1))
+    of.append(np.full(len(here), len(outlines) - 1))
+    points.append(np.column_stack([outlines[-1], np.zeros(len(here))]))
     points, first, last, of = (np.concatenate(each) for each in (points, first, last, of))
     mixed = rng.permutation(len(first))
     normals = np.tile((0.0, 0.0, 1.0), (len(outlines), 1))
@@ -300,6 +308,35 @@ def test_solids_that_touch_are_apart():
         assert np.array_equal(apart[same], points[triangles])
 
 
+def test_needless_triangles_go_and_nothing_else_changes():
+    mesh = plate_with_hole(0.5)
+    made = without_needless(*mesh, planes(*mesh))
+    assert len(made.triangles) == 4 * (4 + SEGMENTS) and is_closed(made.triangles)
+    assert volume(made.points, made.triangles) == pytest.approx(volume(*mesh), rel=1e-6)
+    own, _ = unit_normals(made.points, made.triangles)
+    found = planes(*mesh)
+    assert (own * found.normals[found.of[made.of]]).sum(axis=1).min() > 0.999999
+
+
+def test_a_notch_in_an_edge_is_filled():
+    """It lies in three planes, so that its walls collapse onto their edge."""
+    outline = np.array([(-1, 0), (1, 0), (1, 1), (0.05, 1), (0.05, 0.9), (-0.05, 0.9), (-0.05, 1), (-1, 1)], float)
+    low, high = (np.column_stack([outline, np.full(8, z)]) for z in (0.0, 2.0))
+    lid = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 4, 5), (0, 5, 7), (5, 6, 7)])
+    mesh = soup(band(low, high), (high, lid), (low, lid[:, ::-1]))
+    assert is_closed(mesh[1]) and volume(*mesh) == pytest.approx(4.0 - 0.02, rel=1e-5)
+    made = coarse(mesh, 12)
+    assert len(made.triangles) == 12 and is_closed(made.triangles)
+    assert volume(made.points, made.triangles) == pytest.approx(4.0, rel=1e-5)
+
+
+def test_no_more_is_closed_than_the_number_of_triangles_asks():
+    plates = [plate_with_hole(0.3) for _ in range(6)]
+    mesh = soup(*((points + (3.0 * number, 0.0, 0.0), faces) for number, (points, faces) in enumerate(plates)))
+    made = coarse(mesh, 130)
+    assert 126 <= len(made.triangles) <= 130
+
+
 def test_what_is_dear_to_close_stays():
     open_still = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e4)
     closed = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e-4)
@@ -314,6 +351,17 @@ def test_edges_between_planes_stay():
     points = np.column_stack([flat + rng.uniform(-0.33, 0.33, flat.shape), np.zeros(len(flat))])
     triangles = quads(cells)
     assert np.array_equal(flips.delaunay(points, triangles, np.arange(len(triangles))), triangles)
+
+
+def test_an_edge_of_fifty_degrees_between_planes_is_hard():
+    slope = np.array([np.cos(np.radians(50.0)), 0.0, -np.sin(np.radians(50.0))])
+    points = np.array([(-1, 0, 0), (0, 0, 0), (0, 1, 0), (-1, 1, 0), slope, slope + (0, 1, 0)], float)
+    triangles = quads([(0, 1, 2, 3), (1, 4, 5, 2)])
+    found = planes(points, triangles)
+    shown = hard_edges.shading(
+        points, triangles, hard_edges.smooth_groups(triangles, found.normals[found.of]), found.of
+    )
+    assert np.sort(shown.hard).tolist() == [[1, 2]]
 
 
 def test_a_cylinder_has_hard_rims_and_round_sides():

@@ -32,10 +32,8 @@ from ...scene.high_reader import Reader
 from ..job import Job
 from . import plane_meshes
 from .low_meshes import REMESH_BIAS, Source, arrays, new_mesh, remeshed, sources_of
+from .plane_meshes import MOST_BAD_EDGES
 
-MOST_BAD_EDGES = 0.01
-"""The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
-a triangle soup."""
 MOST_HIDDEN = 0.05
 """The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
 FLAT = 0.01
@@ -191,11 +189,9 @@ def _sources(
             result += sources_of(voxels, outer, timings, is_remeshed=True, mirror=mirror)
     # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
-        bias = REMESH_BIAS if result else 1.0
-        result += sources_of(outside, outer, timings, bias=bias, mirror=mirror)
-        on_planes = plane_meshes.source_of(outside, result[-1].samples, timings, bias)
-        result += [on_planes] if on_planes is not None else []
-    return result
+        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0, mirror=mirror)
+    on_planes = plane_meshes.source_of(*arrays(outside), result[-1].samples, timings, result[-1].bias)
+    return [*result, on_planes] if on_planes is not None else result
 
 
 def _mirror(points: np.ndarray, triangles: np.ndarray, outer: Samples, symmetry: Symmetry, name: str) -> Plane | None:

@@ -10,9 +10,9 @@ from ...core.progress import Timings
 from ...core.simplify import Candidate
 from ...mesh import fitting, hard_edges, planes, welding
 from ...mesh.fitting import FitOptions, Samples
-from ...mesh.plane_collapse import collapse_on_planes
+from ...mesh.plane_collapse import OnPlanes, collapse_on_planes, without_needless
 from ...mesh.planes import Planes
-from ...mesh.topology import edge_keys
+from ...mesh.topology import EdgeTable, edge_keys
 from . import low_meshes
 from .low_meshes import LowMesh
 
@@ -20,7 +20,10 @@ LEAST_SHARE = 0.3
 """The share of the area in large planes from which a surface counts as hard."""
 CLOSING = 1.0, 8.0, 0.125
 """The factors, tried in turn, on what it costs to close holes and the like: what a viewer sees decides."""
-MOST = 400_000
+MOST_BAD_EDGES = 0.01
+"""The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
+a triangle soup."""
+MOST = 200_000
 """The most triangles of a surface that is made coarser in this way: parts by CAD programs have fewer."""
 
 
@@ -29,9 +32,8 @@ class PlaneSource:
     """A hard surface that low meshes are made of.
 
     Attributes:
-        points: (V, 3) float32.
-        corners: (T, 3) int, its triangles.
-        planes: Of the triangles.
+        whole: All of it, and the same surface with as few triangles as it takes.
+        planes: Of all of its triangles.
         groups: (T,) int, their smooth groups.
         samples: As DecimationSource has them.
         timings: As DecimationSource has them.
@@ -39,8 +41,7 @@ class PlaneSource:
         closing: One of CLOSING.
     """
 
-    points: np.ndarray
-    corners: np.ndarray
+    whole: tuple[OnPlanes, OnPlanes]
     planes: Planes
     groups: np.ndarray
     samples: Samples
@@ -55,17 +56,20 @@ class PlaneSource:
 
     @property
     def triangles(self) -> int:
-        return len(self.corners)
+        return len(self.whole[0].triangles)
 
     def make(self, triangles: int) -> list[LowMesh]:
         """A low mesh of about this many triangles."""
         with self.timings.timed("decimate"):
-            coarse = collapse_on_planes(self.points, self.corners, self.planes, triangles, self.closing)
-            of = self.planes.of[coarse.of]
+            start = self.whole[triangles < len(self.whole[1].triangles)]
+            its_planes = replace(self.planes, of=self.planes.of[start.of])
+            coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.closing)
+            source = start.of[coarse.of]
+            of = self.planes.of[source]
             free = self.planes.free_directions(coarse.triangles, of, len(coarse.points))
             points, nearest = fitting.fit(coarse.points, coarse.triangles, self.samples, FitOptions(free=free))
             data = low_meshes.new_mesh(points, coarse.triangles)
-            shade(data, hard_edges.shading(points, coarse.triangles, self.groups[coarse.of], of))
+            shade(data, hard_edges.shading(points, coarse.triangles, self.groups[source], of))
         return [LowMesh(data, self, nearest)]
 
     def corrected(self, _: Candidate) -> "PlaneSource | None":
@@ -74,17 +78,24 @@ class PlaneSource:
         return replace(self, closing=following[0]) if following else None
 
 
-def source_of(data: bpy.types.Mesh, samples: Samples, timings: Timings, bias: float) -> PlaneSource | None:
-    """A mesh of triangles as a source; None if it is no hard surface. samples: of it, by which the judge finds places."""
-    points, triangles = low_meshes.arrays(data)
+def source_of(
+    points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, bias: float
+) -> PlaneSource | None:
+    """A surface as a source; None if it is not hard, or too many edges are bad, also of solids that touch, one by one.
+
+    points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface.
+    """
     if len(triangles) > MOST:
         return None
     found = planes.planes(points, triangles)
     if found.large_share < LEAST_SHARE:
         return None
     points, triangles = welding.parted(points, triangles)
+    if EdgeTable.of(triangles).bad_edge_share > MOST_BAD_EDGES:
+        return None
     groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
-    return PlaneSource(points, triangles, found, groups, samples, timings, bias)
+    whole = OnPlanes(points, triangles, np.arange(len(triangles)))
+    return PlaneSource((whole, without_needless(points, triangles, found)), found, groups, samples, timings, bias)
 
 
 def shade(data: bpy.types.Mesh, shading: hard_edges.Shading) -> None:
