@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes assets with levels of rigged high meshes, poses them, and compares each level with the posed high mesh.
 
-    .venv/bin/python scripts/dev/rigged_assets.py [--npm DIR] [--triangles N] [--levels N] [spot character]
+    .venv/bin/python scripts/dev/rigged_assets.py [--npm DIR] [--levels N] [--own-textures] [spot character]
 
 spot of ../shared/assets, subdivided, gets five bones in a row; the character, with fingers that nearly touch, is made here.
 Both get Blender's automatic weights and two shape keys. For each level at rest and in three poses, a table has what Blender
@@ -236,7 +236,7 @@ def measure(name: str, given: argparse.Namespace, modules: Path | None) -> bool:
     high, rig = {"spot": spot, "character": character}[name]()
     put(rig, [high], POSES["extreme"])  # as a mesh lies in files of animators
     settings = Settings(width=given.size, height=given.size, storage="PACK", basis=targets.BY_NAME["three"].basis.name)
-    wanted = Wanted(triangles=given.triangles, levels=given.levels)
+    wanted = Wanted(triangles=given.triangles, levels=given.levels, owns_textures=given.own_textures)
     work = asset.work(bpy.context, Job(high, [high]), wanted, settings, Pace(), suffixes=Suffixes())
     reports = finish(work)
     lows = [bpy.data.objects[report.low] for report in reports]
@@ -277,6 +277,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", default=[], metavar="NAME")
     parser.add_argument("--triangles", type=int, default=4000, metavar="N")
     parser.add_argument("--levels", type=int, default=3, metavar="N")
+    parser.add_argument("--own-textures", action="store_true")
     parser.add_argument("--size", type=int, default=1024, metavar="TEXELS")
     parser.add_argument("--view", type=int, default=512, metavar="PIXELS")
     parser.add_argument("--save", type=Path, metavar="DIR", help="where to save .blend files with the levels")
