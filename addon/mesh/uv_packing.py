@@ -25,8 +25,9 @@ from .uv_cells import Shapes, Strip
 QUICK_CELLS, CELLS = 256, 512
 """Cells a side, about: up to twice as many, so that the distance of two islands is a whole number of them. Fewer in a quick
 search."""
-DIRECTIONS = 2
-"""The directions in which an island without straight borders is tried in each quarter of the circle, evenly."""
+DIRECTIONS, MORE_DIRECTIONS, FEW = 2, 4, 60
+"""The directions in which an island without straight borders is tried in each quarter of the circle, evenly: more if islands
+are few, and the search is not quick."""
 STRAIGHT = 0.3
 """The share of an island's outline that runs along one direction, or across, from which on it is upright then."""
 UPRIGHT = 1.0005
@@ -37,7 +38,7 @@ NOISE, SEED = 0.3, 1
 """Islands are tried by area, and by area times a random factor, whose logarithm has a standard deviation of NOISE."""
 TRIES, WORK = 4, 1500
 """Sizes that are tried; more in a search that is not quick, until so many islands were placed together."""
-ORDERS, PLACED = 6, 400
+ORDERS, PLACED = 16, 400
 """How many orders are tried at a size, at most; fewer if they have more islands than this together."""
 STEP, FINE = 1.01, 1.002
 """The factors by which the next size differs, at least, and by which it must to be tried at all."""
@@ -310,6 +311,7 @@ class _Search:
     def _alone(self) -> _Places:
         """One island, in the smallest square: upright, if others are hardly smaller."""
         points = self.corners.reshape(-1, 2)
+        points = points[topology.numbered(topology.first_rows(points + 0.0))[0]]
         sides, turns = [], [0.0]
         for step in (np.pi / 360, np.pi / 36000):
             middle = turns[int(np.argmin(sides))] if sides else 0.25 * np.pi
@@ -396,7 +398,8 @@ class _Search:
         """Items in all directions: each in four, turned by quarters, and the free ones in more."""
         found = []
         strip = self.side, int(STRIP * self.side)
-        for angle in (0.5 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS).tolist():
+        number = MORE_DIRECTIONS if self.count <= FEW and not self.is_quick else DIRECTIONS
+        for angle in (0.5 * np.pi * np.arange(number) / number).tolist():
             is_here = items.is_free if angle else np.ones(len(items.is_free), bool)
             if not is_here.any():
                 continue
