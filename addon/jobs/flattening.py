@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..core import foreach
-from ..core.progress import Progress, Task
+from ..core.progress import Progress, Task, part
 from ..mesh import topology, uv_crossings, uv_stretch, uv_strips
 from ..mesh.topology import numbered
 from ..mesh.triangle_mesh import Mesh
@@ -89,16 +89,19 @@ class Flattener:
             known: of charts some of which may be the same.
             is_draft: whether projections do, where they neither fold nor overlap.
         """
+        yield Progress("Unwrapping", 0.0)
         nodes = self.charts.nodes(labels, self.mesh.triangles, seams)
+        yield Progress("Unwrapping", 0.05)
         result = self._measured(labels, self._projected(labels), nodes)
+        yield Progress("Unwrapping", 0.1)
         is_left = result.is_bad if is_draft else self._is_stretched(result)
         if known is not None:
             same = _same(labels, known.labels)
             result = self._taken(result, self._measured(labels, known.uv, nodes), same)
             is_left &= ~same | result.is_bad
         is_left &= np.bincount(labels) > 1
-        result = yield from self._unwrapped(result, is_left, ANGLES)
-        return (yield from self._unwrapped(result, is_left & result.is_bad, STRETCH))
+        result = yield from part(self._unwrapped(result, is_left, ANGLES), 0.1, 0.6)
+        return (yield from part(self._unwrapped(result, is_left & result.is_bad, STRETCH), 0.6, 1.0))
 
     def sound(
         self,
@@ -110,8 +113,10 @@ class Flattener:
         is_draft: bool = False,
     ) -> Task[Flattened]:
         """As `flattened`; charts that fold, overlap or are longer than `side` are halved until none is."""
-        result = yield from self.flattened(labels, seams, known, is_draft=is_draft)
+        result = yield from part(self.flattened(labels, seams, known, is_draft=is_draft), 0.0, 0.5)
+        left = 0.5
         for number in range(HALVINGS + 1):
+            yield Progress("Unwrapping", 1.0 - left)
             bad = result.is_bad
             is_long = self._extents(result) > np.where(self.charts.is_flat(result.labels), 2.0, 1.0) * side
             wrong = (bad | is_long) & (np.bincount(result.labels) > 1)
@@ -123,7 +128,9 @@ class Flattener:
             else:
                 alone = np.where((wrong & bad)[result.labels], len(bad) + np.arange(len(result.labels)), result.labels)
                 labels = numbered(alone)[1]
-            result = yield from self.flattened(labels, seams, result, is_draft=is_draft)
+            again = self.flattened(labels, seams, result, is_draft=is_draft)
+            result = yield from part(again, 1.0 - left, 1.0 - 0.5 * left)
+            left *= 0.5
         return result
 
     def relaxed(self, flattened: Flattened) -> Task[Flattened]:
@@ -192,6 +199,7 @@ class Flattener:
             found = self._by_blender(block, corners, before.nodes, method)
             if found is not None:
                 uv[corners] = found
+        yield Progress("Unwrapping", 1.0)
         return self._better(before, self._measured(before.labels, uv, before.nodes), chosen)
 
     def _by_blender(self, faces: np.ndarray, corners: np.ndarray, nodes: np.ndarray, method: str) -> np.ndarray | None:
