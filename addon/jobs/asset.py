@@ -17,7 +17,7 @@ import numpy as np
 from ..audit.appearance import kept_pictures
 from ..core import asset_limits, foreach, naming
 from ..core.asset_limits import HowMade, Wanted
-from ..core.declarations.choices import Method, Wrap
+from ..core.declarations.choices import Method, Space, Wrap
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
@@ -30,18 +30,24 @@ from ..scene import mesh_reader
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, low_material, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
-from .simplify import appearance_judge, decimation, high_surface
+from .simplify import appearance_judge, decimation, high_surface, shared_levels
 from .simplify.appearance_judge import AppearanceJudge
-from .simplify.decimation import UvMesh
 from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import LowMesh, Source
-from .simplify.shared_levels import LayoutSource
+from .simplify.shared_levels import LayoutSource, SharedLevel
 from .simplify.skins import Skin
 
 SEARCHED, UNWRAPPED = 0.7, 0.8
 """The share of the work that is done before the low objects get UV maps, and before their maps are baked."""
 SHARE, FEWEST = 0.1, 500
 """The share of the high triangles with which a search begins, and how many it begins with at least."""
+COLLAPSED = 0.5
+"""The share of making levels that share textures that is done before their normals are compared."""
+FLAT = 10.0
+"""The mean angle in degrees between the normals of a low mesh and its faces below which they stay, so that its map is flat."""
+BETTER, WORSE = 0.9, 1.25
+"""The factor on the errors of all levels below which common normals are taken, and that on those of the low mesh that they
+may have."""
 SHARED, LOOKED = 0.86, 0.98
 """The shares that are done after levels that share textures are made, and when these are to be looked at."""
 MIN_COVERAGE = 0.1
@@ -193,12 +199,14 @@ class _Making:
         home = next(iter(low.obj.users_collection), None)
         if not low.how.is_made:
             home = self._collection(name, home)
+        meshes = list[SharedLevel]()
         before, begin = source.triangles, 0.0 if texels is None else 0.3
         for number, level_name in enumerate(naming.level_names(name, wanted.levels), start=1):
             limit = wanted.of_level(number, before)
-            ends = (begin + (1.0 - begin) * share / wanted.levels for share in (number - 1, number))
+            ends = (begin + (COLLAPSED - begin) * share / wanted.levels for share in (number - 1, number))
             mesh, measured = yield from part(self._shared(source, limit, texels, timings), *ends)
             before = mesh.triangles
+            meshes.append(mesh)
             mesh.data.name = level_name
             obj = bpy.data.objects.new(level_name, mesh.data)
             (home or self.context.scene.collection).objects.link(obj)
@@ -207,18 +215,53 @@ class _Making:
                 is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
             )
             result.append(Low(obj, limit, how))
+        if low.how.is_made and self.settings.map.space == Space.TANGENT and source.bend > FLAT:
+            self.context.view_layer.update()
+            yield from part(self._with_common_normals([low, *result], source, meshes), COLLAPSED, 1.0)
         return result
+
+    def _with_common_normals(
+        self, lows: Sequence[Low], source: LayoutSource, levels: Sequence[SharedLevel]
+    ) -> Task[None]:
+        """Give a low object and its levels the normals that the coarsest one can have, if the levels look better with the map
+        that counts from these. levels: their meshes."""
+        before = yield from part(self._errors(lows), 0.0, 0.5)
+        if not before:
+            return
+        meshes = [low.obj.data for low in lows]
+        own = list(map(shared_levels.custom_normals, meshes))
+        common = source.normals_like(levels[-1])
+        source.give(meshes[0], common)
+        for level in levels:
+            shared_levels.set_normals(level.data, source.carried_to(level.charted, common))
+        after = yield from part(self._errors(lows), 0.5, 1.0)
+        ratios = np.array(after or [np.inf]) / np.maximum(before, 1e-6)
+        if ratios[0] > WORSE or ratios.mean() > BETTER:
+            for mesh, normals in zip(meshes, own, strict=True):
+                shared_levels.set_normals(mesh, normals)
+
+    def _errors(self, lows: Sequence[Low]) -> Task[list[float]]:
+        """The mean shading errors of a low object and its levels with its normal map, quickly; empty if that shows nothing."""
+        texels = yield from part(self.judge.normal_map(lows[0].obj, appearance_judge.QUICK_SIDE), 0.0, 0.5)
+        errors = []
+        for done, low in enumerate(lows if texels is not None else ()):
+            ends = (0.5 + 0.5 * share / len(lows) for share in (done, done + 1))
+            seen = yield from part(self.judge.with_map(low.obj, texels), *ends)
+            if seen is None:
+                return []
+            errors.append(seen.mean)
+        return errors
 
     def _shared(
         self, source: LayoutSource, limit: Wanted, texels: np.ndarray | None, timings: Timings
-    ) -> Task[tuple[UvMesh, int]]:
+    ) -> Task[tuple[SharedLevel, int]]:
         """A level that shows the textures of the low object, and how many were measured. texels: of its normal map."""
         yield Progress(f"Decimating to {limit.triangles:,} triangles", 0.0)
         if limit.has_count or texels is None:
             with timings.timed("decimate"):
                 return source.make(limit.triangles)[0], 0
         judge = partial(self.judge.shared, limit, texels=texels)
-        search = Search(limit.search_limit, judge, UvMesh.remove)
+        search = Search(limit.search_limit, judge, SharedLevel.remove)
         found = yield from search.min_triangles(source, max(LEAST, limit.triangles // 2), limit.triangles)
         return found.mesh, search.count
 

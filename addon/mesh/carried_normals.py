@@ -15,34 +15,38 @@ from .triangles import barycentric, face_areas, unit, unit_normals
 PLACES = np.array([(4, 1, 1), (1, 4, 1), (1, 1, 4), (2, 2, 2), (3, 3, 0), (0, 3, 3), (3, 0, 3)]) / 6.0
 """Barycentric coordinates (7, 3) of the places on each triangle whose normals are compared."""
 SAME_SIDE_COSINE = 0.3
-"""The cosine between a triangle and the normal of the nearest place, below which that lies on another side of the surface."""
+"""The cosine between a triangle and the normal of the nearest place, below which that is of another side of the surface."""
 GRADIENT_STEPS = 80
 """Of conjugate gradients, at most."""
 
 
 def carried_normals(
-    fine: tuple[np.ndarray, np.ndarray, np.ndarray], points: np.ndarray, triangles: np.ndarray, wedges: np.ndarray
+    fine: tuple[np.ndarray, np.ndarray], places: np.ndarray, corners: np.ndarray, wedges: np.ndarray
 ) -> np.ndarray:
     """The normals (T, 3, 3) at the corners of a coarser mesh.
 
     Args:
-        fine: the finer mesh: points (V, 3), triangles (F, 3) int, and its normals (F, 3, 3) at their corners.
-        points, triangles: (P, 3) and (T, 3) int, the coarser mesh.
+        fine: the corners (F, 3, 3) of the finer mesh in a space in which both lie in each other, as that of a UV layout, and
+            its normals (F, 3, 3).
+        places: (T, 3, 3), the corners of the coarser mesh in that space.
+        corners: (T, 3, 3), those on the surface.
         wedges: (T, 3) int, of its corners: those of one wedge have one normal.
     """
-    of_points, of_triangles, of_normals = fine
-    corners = points[triangles].astype(np.float64)
-    places = np.einsum("kc,tcx->tkx", PLACES, corners)
-    nearest, where, _ = Surface(of_points.astype(np.float32), of_triangles).closest(
-        places.reshape(-1, 3).astype(np.float32)
-    )
-    shares = barycentric(where.astype(np.float64), of_points[of_triangles[nearest]].astype(np.float64))
-    wanted = unit(np.einsum("nc,ncx->nx", shares, of_normals[nearest])).reshape(len(triangles), len(PLACES), 3)
+    on_them = np.einsum("kc,tcx->tkx", PLACES, places).reshape(-1, 3)
+    wanted = normals_at(*fine, on_them).reshape(len(places), len(PLACES), 3)
     faces, _ = unit_normals(corners)
     is_same = (wanted * faces[:, None]).sum(axis=2) > SAME_SIDE_COSINE
     wanted = np.where(is_same[..., None], wanted, faces[:, None])
     used, wedges = numbered(wedges)
     return _least_squares(face_areas(corners) + 1e-30, wanted, wedges, len(used))[wedges]
+
+
+def normals_at(corners: np.ndarray, normals: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The normals (N, 3) that a mesh has at the nearest places on it to some places (N, 3). corners, normals: (F, 3, 3)."""
+    points, triangles = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+    nearest, where, _ = Surface(points.astype(np.float32), triangles).closest(places.astype(np.float32))
+    shares = barycentric(where.astype(np.float64), corners[nearest].astype(np.float64))
+    return unit(np.einsum("nc,ncx->nx", shares, normals[nearest]))
 
 
 def _least_squares(weights: np.ndarray, wanted: np.ndarray, wedges: np.ndarray, count: int) -> np.ndarray:

@@ -421,6 +421,20 @@ def test_constants_of_the_material_of_most_faces_are_kept():
     assert inputs["Normal"].is_linked
 
 
+@pytest.mark.parametrize(("better", "is_taken"), [(10.0, True), (0.0, False)])
+def test_common_normals_are_taken_if_levels_look_better_with_them(monkeypatch, better, is_taken):
+    monkeypatch.setattr(asset, "BETTER", better)
+    monkeypatch.setattr(asset, "WORSE", 10.0)
+    monkeypatch.setattr(asset, "FLAT", 0.0)
+    finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=1), SHARP))
+    lows = [bpy.data.objects[f"Ball_low_LOD{number}"] for number in (0, 1)]
+    assert ["custom_normal" in low.data.attributes for low in lows] == [is_taken, True]
+    for low in lows:
+        points, triangles = arrays(low)
+        normals = mesh_reader.corner_normals(low.data).reshape(-1, 3)
+        assert (normals * points[triangles.reshape(-1)]).sum(axis=1).min() > np.cos(np.radians(15.0))
+
+
 @pytest.mark.slow
 def test_levels_of_detail_can_have_textures_of_their_own():
     reports = finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=2, owns_textures=True)))

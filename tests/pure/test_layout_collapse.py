@@ -157,7 +157,7 @@ def test_wedges_are_what_lines_divide():
 def test_normals_of_a_sphere_point_away_from_its_middle():
     points, triangles = sphere(32)
     coarse, few = (each for each in sphere(8))
-    found = carried_normals((points, triangles, points[triangles]), coarse, few, few)
+    found = carried_normals((points[triangles], points[triangles]), coarse[few], coarse[few], few)
     off = np.degrees(np.arccos(np.clip((found * unit(coarse[few])).sum(axis=2), -1.0, 1.0)))
     assert off.max() < 3.0
 
@@ -174,7 +174,7 @@ def test_normals_interpolate_with_the_least_squares():
     normals = unit(np.stack([bent, 0.0 * bent, 1.0 - 0.9 * bent], axis=1))[triangles]
     quad = points[[0, 1, -2, -1]]
     corners = np.array([[0, 2, 3], [0, 3, 1]])
-    found = carried_normals((points, triangles, normals), quad, corners, corners)
+    found = carried_normals((points[triangles], normals), quad[corners], quad[corners], corners)
     at_rim = found[0, 1]
     assert np.degrees(np.arccos(at_rim[2])) < 45.0  # at the vertices of the fine mesh: 84
     assert found[:, 0, 2] == pytest.approx(1.0, abs=0.05)
@@ -188,5 +188,5 @@ def test_normals_of_a_thin_wall_are_of_their_own_side():
     coarse, few = grid(2)
     below = np.concatenate([coarse + [0.0, 0.0, -0.006], coarse + [0.0, 0.0, -0.004]])  # nearer to the other side
     twice = np.concatenate([few, few[:, ::-1] + len(coarse)])
-    found = carried_normals((whole, both, normals), below, twice, twice)
+    found = carried_normals((whole[both], normals), below[twice], below[twice], twice)
     assert found[: len(few), :, 2] == pytest.approx(1.0) and found[len(few) :, :, 2] == pytest.approx(-1.0)

@@ -12,19 +12,36 @@ import bpy
 import numpy as np
 
 from ...core import foreach
-from ...mesh import coarser_uvs, fitting
-from ...mesh.carried_normals import carried_normals
+from ...mesh import coarser_uvs, fitting, topology
+from ...mesh.carried_normals import carried_normals, normals_at
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
-from ...mesh.triangles import barycentric, face_areas, unit
+from ...mesh.triangles import barycentric, face_areas, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
 from .decimation import UvMesh
 
+CUSTOM = "custom_normal"
+"""The attribute of custom normals."""
+FARTHEST_COSINE = 0.5
+"""The least cosine between a face of the low mesh and a normal that it has from a level."""
+APART = 2.0
+"""How far islands lie apart where places in the layout are looked for: those that share texels are other ones."""
 FITTED = 30_000
 """The samples of the high surface to which a level is fitted."""
+
+
+@dataclass(frozen=True, eq=False)
+class SharedLevel(UvMesh):
+    """A level with the UV layout of a low mesh.
+
+    Attributes:
+        charted: As arrays.
+    """
+
+    charted: Charted
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +62,61 @@ class LayoutSource:
     def triangles(self) -> int:
         return len(self._charted.triangles)
 
-    def make(self, triangles: int) -> list[UvMesh]:
+    def make(self, triangles: int) -> list["SharedLevel"]:
         """A mesh of about this many triangles."""
         coarse = collapse_layout(self._charted, CollapseOptions(triangles), self.room)
         on_line = coarse.on_line
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
-        values = self._moved(replace(coarse, points=points), on_line)
-        normals = carried_normals((*self._surface, self._normals), points, coarse.triangles, coarse.wedges)
-        return [replace(self.mesh, data=self._written(replace(coarse, points=points, values=values), normals))]
+        coarse = replace(coarse, points=points)
+        coarse = replace(coarse, values=self._moved(coarse, on_line))
+        data = self._written(coarse, self.carried_to(coarse, self._normals))
+        return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
+
+    @property
+    def bend(self) -> float:
+        """The mean angle in degrees between the normals of corners and their faces, by area."""
+        points, triangles = self._surface
+        faces, areas = unit_normals(points[triangles])
+        cosines = (self._normals * faces[:, None]).sum(axis=2)
+        return float(np.average(np.degrees(np.arccos(cosines.clip(-1.0, 1.0))).mean(axis=1), weights=areas))
+
+    def normals_like(self, level: "SharedLevel") -> np.ndarray:
+        """The normals (T, 3, 3) at corners of the low mesh that a level has in the same places of the layout, but not far from
+        the faces: levels of any fineness can have them."""
+        normals = mesh_reader.corner_normals(level.data).reshape(-1, 3, 3).astype(np.float64)
+        places = self._in_layout(self._charted, np.arange(len(self._charted.triangles)))
+        found = normals_at(self._in_layout(level.charted, level.charted.faces), normals, places.reshape(-1, 3))
+        found = found.reshape(-1, 3, 3)
+        points, triangles = self._surface
+        faces = unit_normals(points[triangles])[0][:, None]
+        return np.where((found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE, found, self._normals)
+
+    def carried_to(self, coarse: Charted, normals: np.ndarray) -> np.ndarray:
+        """The normals (N, 3, 3) of a level, as near as they can be to those (T, 3, 3) of the low mesh."""
+        fine = self._in_layout(self._charted, np.arange(len(self._charted.triangles))), normals
+        places = self._in_layout(coarse, coarse.faces)
+        return carried_normals(fine, places, coarse.points[coarse.triangles], coarse.wedges)
+
+    def _in_layout(self, mesh: Charted, faces: np.ndarray) -> np.ndarray:
+        """The corners (N, 3, 3) of a mesh in the layout, each island on a plane of its own.
+
+        faces: (N,) int, the triangles of the low mesh that its triangles were.
+        """
+        number = list(self.mesh.data.uv_layers.keys()).index(self.mesh.layer)
+        heights = np.broadcast_to(APART * self._islands[faces][:, None, None], (len(faces), 3, 1))
+        return np.concatenate([mesh.values[..., 2 * number : 2 * number + 2], heights], axis=2)
+
+    @cached_property
+    def _islands(self) -> np.ndarray:
+        wedges = self._charted.wedges
+        return topology.components(tuple(wedges.T), int(wedges.max(initial=-1)) + 1)[0]
+
+    def give(self, data: bpy.types.Mesh, normals: np.ndarray) -> None:
+        """Give the mesh itself, which has its corners, other normals (T, 3, 3)."""
+        surface = self.mesh.surface
+        every = surface.normals.copy()
+        every[surface.triangles[self._kept]] = normals
+        set_normals(data, every)
 
     def corrected(self, _candidate: object) -> None:
         """It spares nothing."""
@@ -122,7 +186,22 @@ class LayoutSource:
         data.uv_layers.active = data.uv_layers[self.mesh.layer]
         for layer in source.uv_layers:
             data.uv_layers[layer.name].active_render = layer.active_render
-        custom = data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
-        custom.data.foreach_set("vector", normals.astype(np.float32).reshape(-1))
-        data.update()
+        set_normals(data, normals)
         return data
+
+
+def custom_normals(data: bpy.types.Mesh) -> np.ndarray | None:
+    """The custom normals (C, 3) of a mesh at its corners; None if it has none."""
+    return mesh_reader.corner_normals(data) if CUSTOM in data.attributes else None
+
+
+def set_normals(data: bpy.types.Mesh, normals: np.ndarray | None) -> None:
+    """Give a mesh custom normals at its corners, in order: any shape of three floats each. None takes them away."""
+    if CUSTOM in data.attributes:
+        data.attributes.remove(data.attributes[CUSTOM])
+    if normals is None:
+        data.update()
+        return
+    custom = data.attributes.new(CUSTOM, "FLOAT_VECTOR", "CORNER")
+    custom.data.foreach_set("vector", np.ascontiguousarray(normals, np.float32).reshape(-1))
+    data.update()
