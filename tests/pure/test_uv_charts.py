@@ -216,6 +216,18 @@ def test_tubes_and_funnels_are_one_chart_however_much_stretch_counts(narrows):
     assert euler.tolist() == [1]  # by one slit
 
 
+def test_seams_in_a_chart_are_cut():
+    """One edge from the border inward has two UV vertices at its outer end, and one at its inner end."""
+    points, triangles = flat(2, 2)
+    charts, labels = grown(points, triangles)
+    seam = np.array([(1, 4)])
+    assert len(np.unique(charts.nodes(labels, np.arange(24).reshape(8, 3)))) == 9
+    nodes = charts.nodes(labels, np.arange(24).reshape(8, 3), seam)
+    assert len(np.unique(nodes)) == 10
+    assert not charts.between(seam).any()
+    assert charts.between(np.array([(1, 4), (4, 7)])).max() == 1
+
+
 def test_the_slit_of_a_tube_is_the_shortest():
     points, triangles = cylinder(8, 24)
     charts, labels = grown(points, triangles, 1.0)

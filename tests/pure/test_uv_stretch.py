@@ -138,6 +138,15 @@ def test_no_other_scales_of_islands_are_sharper(seed):
     assert all(sharpness(needs.scale * random.uniform(0.95, 1.05, 4)) < best for _ in range(20))
 
 
+def test_a_folded_sliver_does_not_count():
+    """Of a millionth of the length of its island, rounding may fold it."""
+    for height, is_folded in ((1e-8, False), (1e-3, True)):
+        points = np.concatenate([SQUARE, [[[0.0, 0.0, 0.0], [0.0, -height, 0.0], [1.0, 0.0, 0.0]]]])
+        uv = points[..., :2] * (1.0, 1.0)
+        uv[2] = uv[2, [0, 2, 1]]
+        assert uv_stretch.needs(points, uv, np.zeros(3, int)).is_folded.tolist() == [is_folded]
+
+
 def test_folded_squashed_and_lost_islands_are_told():
     points, islands = np.concatenate([SQUARE] * 5), np.repeat(np.arange(5), 2)
     uv = points[..., :2].copy()
