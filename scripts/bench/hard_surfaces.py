@@ -214,7 +214,8 @@ def made(name: str, share: float, size: int, pictures: Path | None) -> str:
     return (
         f"{Path(name).stem:14} {len(triangles):6,} {report.triangles['low']:5,}  planes {found['planes']:8.4%} "
         f"gone {found['gone']:5.1%}  edges {found['edges']:8.4%}  normals {found['normals']:5.1f}  "
-        f"a side {found['of_a_side']:5.2f}  islands {found['islands']:4}  outline {seen['silhouette']:6.2%}  mean {seen['mean']:5.2f}  {seconds:5.1f} s"
+        f"a side {found['of_a_side']:5.2f}  islands {found['islands']:4}  "
+        f"outline {seen['silhouette']:6.2%}  mean {seen['mean']:5.2f}  {seconds:5.1f} s"
     )
 
 

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Game assets of machine parts: planes and edges by closed forms, and what is round stays as it was."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.asset_limits import Wanted
+from addon.core.naming import Suffixes
+from addon.core.progress import Pace, Timings, finish
+from addon.core.settings import Settings
+from addon.jobs import asset
+from addon.jobs.job import Job
+from addon.jobs.simplify import plane_meshes
+from addon.mesh.fitting import surface_samples
+from addon.mesh.welding import weld
+from addon.scene import mesh_reader
+from tests.support import cad_parts, quick_assets, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+
+@pytest.mark.slow
+def test_a_plate_with_screw_holes_stays_a_plate(monkeypatch):
+    """With triangles for a box alone: the holes are in its map, its sides exact, and its normals those of its faces."""
+    quick_assets.quicken(monkeypatch)
+    plate = cad_parts.plate()
+    plate.name = "Plate_high"
+    settings = Settings(width=128, height=128, samples=1, storage="MEMORY", margin=2)
+    work = asset.work(bpy.context, Job(plate, [plate]), Wanted(triangles=12), settings, Pace(0.0), suffixes=Suffixes())
+    (report,) = finish(work)
+    low = bpy.data.objects[report.low]
+    assert report.asset["keeps_planes"] and report.triangles["low"] == 12
+    points = mesh_reader.points(low.data)
+    assert np.unique(np.round(points, 4), axis=0).tolist() == [
+        [x, y, z] for x in (0.0, 100.0) for y in (0.0, 80.0) for z in (0.0, 5.0)
+    ]
+    sharp = [edge for edge in low.data.edges if edge.use_edge_sharp]
+    assert len(sharp) == 12
+    mesh = mesh_reader.surface(low.data, low.data.uv_layers.active.name, low.name, np.eye(4))
+    faces = np.repeat([face.normal for face in low.data.polygons], 3, axis=0)
+    assert mesh.normals[mesh.triangles.reshape(-1)] == pytest.approx(faces, abs=1e-3)
+
+
+def source_of(obj):
+    points, triangles = weld(*cad_parts.arrays(obj))
+    return plane_meshes.source_of(
+        points, triangles, surface_samples(points, triangles, 1000), Timings(("decimate",)), 1.0
+    )
+
+
+def test_what_is_round_is_no_hard_surface():
+    assert source_of(zoo.ball("ball", 32)) is None and source_of(zoo.terrain("hills", 32)) is None
+    assert source_of(cad_parts.rounded_box()) is not None
+
+
+def test_low_meshes_have_hard_edges_where_planes_meet():
+    (low,) = source_of(cad_parts.gusset()).make(112)
+    assert len(low.data.polygons) == 112
+    faces = np.array([face.normal for face in low.data.polygons])
+    across = {}
+    for face in low.data.polygons:
+        for key in face.edge_keys:
+            across.setdefault(key, []).append(face.index)
+    for edge in low.data.edges:
+        one, other = across[tuple(sorted(edge.vertices))]
+        if faces[one] @ faces[other] < np.cos(np.radians(61.0)):
+            assert edge.use_edge_sharp
