@@ -297,7 +297,9 @@ class _Unwrapping:
         for way in ways:
             for share in SIDES:
                 known = way.flattened
-                found = yield from flattener.sound(known.labels, way.seams, known, side=share * side)
+                done = len(shorter) / len(ways) / len(SIDES)
+                work = flattener.sound(known.labels, way.seams, known, side=share * side)
+                found = yield from part(work, done, done + 1.0 / len(ways) / len(SIDES))
                 shorter.append(replace(way, flattened=found))
         return _different([*ways, *shorter])[len(ways) :]
 
@@ -306,9 +308,11 @@ class _Unwrapping:
         charts, steps = self._flattener.charts, (*STIFF, *last)
         yield Progress("Unwrapping", 0.0)
         labels = charts.grown(charts.flat(), steps[0], is_stiff=True)
+        yield Progress("Unwrapping", 0.0)
         labels = charts.whole(charts.straightened(labels, steps[0]))
         levels = [(yield from part(self._flattener.sound(labels, is_draft=is_draft), 0.0, 1.0 / len(steps)))]
         for done, stretch in enumerate(steps[1:], 1):
+            yield Progress("Unwrapping", done / len(steps))
             labels = charts.grown(levels[-1].labels, stretch, is_stiff=done < len(STIFF))
             here, there = done / len(steps), (done + 1) / len(steps)
             levels.append((yield from part(self._flattener.flattened(labels, known=levels[-1]), here, there)))
