@@ -45,7 +45,7 @@ CLOSE = 0.98
 """Of ways that reach this share of the best figure, the one with the fewest islands is taken."""
 NEAR = 0.92
 """As CLOSE, after a quick packing."""
-FEW, FINALISTS = 10000, 3
+FEW, FINALISTS = 5000, 3
 """Meshes with so many triangles have fewer ways. Of others, so many ways are relaxed and packed with care, at most."""
 MUCH, FULL = 1.4, 0.85
 """More islands than Smart Project makes are taken only if the figure is better by this factor. No
