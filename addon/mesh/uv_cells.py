@@ -149,8 +149,7 @@ class Strip:
             taken[step : step + high] |= lines
         first, last = max(row - gap, 0), min(row + high + gap, self.rows)
         self._moved[0, 0, first * wide : last * wide] |= taken[first - row + gap : last - row + gap].reshape(-1)
-        # The row before also sees the first cells of this one; what is beyond a row's end counts for no shape.
-        begin, end = max(first - 1, 0) * wide, last * wide
+        begin, end = first * wide, last * wide  # what is beyond a row's end counts for no shape
         for k in range(1, len(self._moved)):
             before, (whole, rest) = k - 1, divmod(1 << (k - 1), 8)
             at = self._table[before * 8 * self._each :]

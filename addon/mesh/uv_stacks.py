@@ -208,8 +208,7 @@ class _Faces:
                 mirror = self.points.copy()
                 mirror[:, axis] = 2.0 * middle - mirror[:, axis]
                 side = self.middles[:, axis] - middle
-                is_copy, is_original = free & (side < -self.near), free & (side > self.near)
-                found = self.matches(is_copy, is_original, self._image(mirror), is_mirrored=True)
+                found = self.matches(free, free & (side > self.near), self._image(mirror), is_mirrored=True)
                 area = 2.0 * self.areas[np.unique(self.of[found >= 0])].sum()
                 if area > most * (1.0 + 1e-6):
                     best, most = found, area

@@ -141,7 +141,7 @@ def test_the_lowest_free_place_is_found(seed):
         for run in zip(*topology.runs(line), strict=True)
     ]
     runs = uv_cells.Runs(*np.array(rows).T)
-    side, height, gap = 37, 60, 2
+    side, height, gap = 37 + seed, 60, 2
     shapes = uv_cells.Shapes(sizes, runs, (side, height))
     strip, taken = uv_cells.Strip((side, height), 16, gap), np.zeros((height, side), bool)
     assert shapes.cells.tolist() == [mask.sum() for mask in masks]

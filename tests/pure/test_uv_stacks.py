@@ -76,6 +76,7 @@ def originals(mesh, copies):
         if there != face:
             result[face] = there
             assert sorted(copies.corners[a:b].tolist()) == list(range(starts[there], starts[there + 1]))
+    assert np.array_equal(copies.corners[copies.corners], copies.corners)
     assert copies.is_copy.tolist() == [face in result for face in range(len(starts) - 1)]
     return result
 
@@ -142,6 +143,15 @@ def test_equal_boxes_and_strips_are_copies():
         for seed in range(4):
             mesh = joined([turned(part, seed), turned(part, seed + 9), turned(part, seed + 99, is_mirrored=True)])
             assert len(originals(mesh, found(mesh))) == 2 * len(part[1])
+
+
+def test_an_original_is_no_copy():
+    """Two equal parts that are each their own mirror: the second is a copy, and nothing else."""
+    points, faces = sheet(5)
+    both = np.concatenate([points, points * X])
+    part = both, [*faces, *([v + len(points) for v in face[::-1]] for face in faces)]
+    mesh = joined([part, (both + (0.0, 9.0, 0.0), part[1])])
+    assert sorted(originals(mesh, found(mesh))) == list(range(2 * len(faces), 4 * len(faces)))
 
 
 def test_parts_of_other_materials_and_sizes_are_no_copies():
