@@ -386,13 +386,8 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     texts = own.degrees or "", own.triangles or "", own.size or "", own.distance or "", own.levels
     try:
         mending = asset_limits.Mending.of_texts(own.crumbs, own.holes, own.symmetry)
-        wanted = asset_limits.Wanted.of_texts(
-            *texts,
-            mending=mending,
-            owns_textures=own.own_textures,
-            keeps=own.keep,
-            stacks_mirrored=own.stack_mirrored,
-        )
+        ways = {"owns_textures": own.own_textures, "keeps": own.keep, "stacks_mirrored": own.stack_mirrored}
+        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, quads=own.quads, **ways)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     if own.keep and own.triangles:

@@ -208,6 +208,7 @@ ASSET = Command(
                 {"choices": [each.value.lower() for each in Symmetry], "default": "auto"},
                 "auto",
             ),
+            "quads": CommandOption("Make the low mesh of quads, by QuadriFlow", {"action": "store_true"}),
             "keep": CommandOption(
                 "Give the mesh itself UVs and maps, with all its triangles, and make no low mesh",
                 {"action": "store_true"},

@@ -80,6 +80,7 @@ class Wanted:
         is_count_given: Whether the user gave the number of triangles, and not the default, which is a most.
         mending: Of the high surface.
         owns_textures: Whether each level has UVs and textures of its own, and not those of the low mesh.
+        quads: Whether low meshes are of quads.
         keeps: Whether the high mesh itself gets UVs and maps, and no low one is made.
         stacks_mirrored: Whether mirrored and equal parts share their place in the UV map.
     """
@@ -95,6 +96,7 @@ class Wanted:
     owns_textures: bool = False
     keeps: bool = False
     stacks_mirrored: bool = False
+    quads: bool = False
 
     @classmethod
     def of_texts(
@@ -110,6 +112,7 @@ class Wanted:
         owns_textures: bool = False,
         keeps: bool = False,
         stacks_mirrored: bool = False,
+        quads: bool = False,
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -127,7 +130,7 @@ class Wanted:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
         limits = angle, round(most), word == AUTO, far, levels, density, is_count_given
-        result = cls(*limits, mending, owns_textures, keeps, stacks_mirrored)
+        result = cls(*limits, mending, owns_textures, keeps, stacks_mirrored, quads)
         result.check()
         return result
 
@@ -167,6 +170,8 @@ class Wanted:
     def check(self) -> None:
         """Raise BakeError for limits that no mesh can have."""
         self.mending.check()
+        if self.quads and len(self.mending.symmetry.axes) == 1:
+            raise BakeError("Quads are not made symmetric: turn Quads or Symmetry off.")
         if not self.degrees > 0.0:
             raise BakeError(f"{self.degrees:g} degrees cannot be a limit: give a number above 0.")
         if not self.distance > 0.0:

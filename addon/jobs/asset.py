@@ -17,7 +17,7 @@ import numpy as np
 from ..audit.appearance import kept_pictures
 from ..core import asset_limits, foreach, naming
 from ..core.asset_limits import HowMade, Wanted
-from ..core.declarations.choices import Method, Space, Wrap
+from ..core.declarations.choices import Method, Space, Symmetry, Wrap
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
@@ -30,7 +30,7 @@ from ..scene import mesh_reader
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, low_material, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
-from .simplify import appearance_judge, decimation, high_surface, shared_levels
+from .simplify import appearance_judge, decimation, high_surface, quad_meshes, shared_levels
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import LowMesh, Source
@@ -98,16 +98,14 @@ def work(
     start, timings = time.perf_counter(), Timings(asset_limits.STAGES)
     _check(job, wanted, settings)
     with temporary.only_if_finished(), all_or_none(), temporary.meshes(), kept_pictures(), ExitStack() as stack:
-        high, lows = (
-            None,
-            [] if job.low in job.highs and not wanted.keeps else [Low(job.low, wanted, HowMade(is_made=False))],
-        )
+        is_there = wanted.keeps or job.low not in job.highs
+        high, lows = None, [Low(job.low, wanted, HowMade(is_made=False))] if is_there else []
         skin = Skin.of(job.highs if not lows else [job.low], settings.map.modifiers)
         if not lows or wanted.levels:
             stack.enter_context(skin.at_rest(context, job.highs))
         if not lows or wanted.levels or wanted.distance < math.inf:
             check_gpu()
-            reading = high_surface.read(context, job, settings, timings, wanted.mending)
+            reading = _read(context, job, wanted, settings, timings)
             high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.05)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             making = _Making(context, high, judge, settings)
@@ -143,6 +141,17 @@ def known_low(
     name = naming.low_name_of(highs[0].name, suffixes)
     low = context.view_layer.objects.get(name) or context.view_layer.objects.get(name + naming.FIRST_LEVEL)
     return low if low is not None and low.type == "MESH" and low not in highs else None
+
+
+def _read(
+    context: bpy.types.Context, job: Job, wanted: Wanted, settings: Settings, timings: Timings
+) -> Task[HighSurface]:
+    """The surface that low meshes are made of."""
+    if not wanted.quads:
+        return (yield from high_surface.read(context, job, settings, timings, wanted.mending))
+    mending = replace(wanted.mending, symmetry=Symmetry.NONE)
+    high = yield from high_surface.read(context, job, settings, timings, mending)
+    return replace(high, sources=quad_meshes.sources_of(high.sources))
 
 
 def _check(job: Job, wanted: Wanted, settings: Settings) -> None:

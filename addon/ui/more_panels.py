@@ -112,6 +112,7 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             owns_textures=settings.asset_own_textures,
             keeps=settings.asset_keeps,
             stacks_mirrored=settings.asset_stack_mirrored,
+            quads=settings.asset_quads,
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():
@@ -155,7 +156,7 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
 
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         names = "asset_keeps", "asset_triangles", "asset_degrees", "asset_distance"
-        names += "asset_symmetry", "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
+        names += "asset_quads", "asset_symmetry", "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
         names += "asset_own_textures", "asset_stack_mirrored", "export"
         draw_props(split_layout(layout.column()), context.scene.imprint, *names)
 

@@ -17,7 +17,7 @@ from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
-from addon.jobs.simplify import appearance_judge, high_surface
+from addon.jobs.simplify import appearance_judge, high_surface, quad_meshes
 from addon.mesh import folds, topology
 from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
@@ -653,3 +653,32 @@ def test_a_mesh_can_keep_its_triangles_and_get_uvs_and_maps(has_uvs):
 def test_a_mesh_that_keeps_its_triangles_can_have_levels():
     reports = finish(task([zoo.ball("Ball", 16)], Wanted(keeps=True, levels=1)))
     assert [report.triangles["low"] for report in reports] == [960, pytest.approx(480, rel=MOST_OFF)]
+
+
+def sides(low):
+    """How many faces of an object have three and four corners."""
+    counts = np.bincount([len(face.vertices) for face in low.data.polygons], minlength=5)
+    assert counts.sum() == counts[3:5].sum()
+    return counts[3:5].tolist()
+
+
+def test_a_low_mesh_can_be_of_quads():
+    ball = zoo.ball("Ball", 24)
+    report, low = made([ball], Wanted(triangles=400, quads=True))
+    triangles, quads = sides(low)
+    assert triangles == 0 and 2 * quads == report.triangles["low"]
+    assert 2 * quads == pytest.approx(400, rel=0.05)  # QuadriFlow gives no number of faces exactly
+    low.data.calc_loop_triangles()
+    corners = np.array([list(each.vertices) for each in low.data.loop_triangles])
+    points = mesh_reader.points(low.data)
+    assert outwards(points, corners).all() and all_near(points, corners)
+    with pytest.raises(BakeError, match="Quads are not made symmetric"):
+        made([ball], Wanted(triangles=400, quads=True, mending=Mending(symmetry=Symmetry.X)))
+
+
+@pytest.mark.slow
+def test_where_quads_do_not_flow_triangles_are_joined(monkeypatch):
+    monkeypatch.setattr(quad_meshes, "quad_remeshed", lambda *_: None)
+    report, low = made([zoo.ball("Ball", 24)], Wanted(triangles=400, quads=True))
+    triangles, quads = sides(low)
+    assert quads > triangles and triangles + 2 * quads == report.triangles["low"] == pytest.approx(400, rel=MOST_OFF)

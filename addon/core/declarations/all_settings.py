@@ -156,6 +156,11 @@ ASSET: dict[str, Setting] = {
         tooltip="Give the mesh itself UVs and maps, and make no low mesh",
         option=None,
     ),
+    "asset_quads": Switch(
+        label="Quads",
+        tooltip="Make the low mesh of quads: better to edit, with a larger error",
+        option=None,
+    ),
     "asset_own_textures": Switch(
         label="Own Textures",
         tooltip="Give each level a UV map and textures of its own, in place of those of the low mesh",

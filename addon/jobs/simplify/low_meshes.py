@@ -254,7 +254,7 @@ class LowMesh:
 
     @property
     def triangles(self) -> int:
-        return len(self.data.polygons)
+        return mesh_reader.count_triangles(self.data)
 
     def remove(self) -> None:
         bpy.data.meshes.remove(self.data)
