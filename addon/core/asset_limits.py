@@ -50,9 +50,7 @@ class Mending:
     @classmethod
     def of_texts(cls, crumbs: str, holes: str, symmetry: str = Symmetry.AUTO) -> "Mending":
         """Percents in texts, each of which may be empty. Raises BakeError."""
-        percents = [text.strip().removesuffix("%").strip() for text in (crumbs, holes)]
-        shares = (_number(text, "a size in percent") / 100.0 if text else 0.0 for text in percents)
-        return cls(*shares, Symmetry(symmetry.upper()))
+        return cls(_share(crumbs), _share(holes), Symmetry(symmetry.upper()))
 
     def check(self) -> None:
         """Raise BakeError for sizes that no part can have."""
@@ -231,6 +229,12 @@ class HowMade:
     def to_dict(self) -> dict[str, Any]:
         """Plain data, without what does not apply."""
         return {name: value for name, value in vars(self).items() if value is not None}
+
+
+def _share(percent: str) -> float:
+    """The share that a text in percent stands for; 0 for an empty one."""
+    text = percent.strip().removesuffix("%").strip()
+    return _number(text, "a size in percent") / 100.0 if text else 0.0
 
 
 def _number(text: str, what: str) -> float:

@@ -142,11 +142,12 @@ def fit(
     is_free[triangles] = True
     edges = EdgeTable.of(triangles).ends
     now, places, beside = start, surface.points.astype(np.float32), _Beside.of(triangles)
-    nearest = where = known
-    if nearest is None:
+    if known is None:
         nearest, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
+    else:
+        nearest, where = beside.closest(places, known, now.astype(np.float32))
     for done in range(options.rounds):
-        if done or known is not None:
+        if done:
             nearest, where = beside.closest(places, nearest, now.astype(np.float32))
         corners = triangles[nearest]
         normals, _ = unit_normals(now, corners)

@@ -149,8 +149,8 @@ class _Flips:
         edge = np.repeat(np.arange(len(self.old)), sizes[self.old].sum(axis=1))
         before = _squares(places, points[triangles[nearest]])[samples]
         after = np.stack([_squares(places[samples], points[self.new[edge, side]]) for side in range(2)], axis=1)
-        sums = (np.bincount(edge, each, len(self.old)) for each in (before, after.min(axis=1)))
-        return *sums, samples, 2 * edge + after.argmin(axis=1)
+        now, flipped = (np.bincount(edge, each, len(self.old)) for each in (before, after.min(axis=1)))
+        return now, flipped, samples, 2 * edge + after.argmin(axis=1)
 
     def apart(self, gains: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
         """Those (F,) int of some edges (N,) int that gain most among the ones that share one of `count` triangles with them, or

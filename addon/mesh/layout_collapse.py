@@ -11,7 +11,6 @@ surface 4.1 degrees of error, as much 3.4, a tenth 3.6; with vertices on lines t
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -82,7 +81,7 @@ def collapse_layout(mesh: Charted, options: CollapseOptions, room: float) -> Cha
         room: how far borders of islands may move outwards in the first UV layer, as a share of the map's side.
     """
     points, _ = checked(mesh.points, mesh.triangles)
-    state = LayoutState.of_charted(mesh, options, room)
+    state = LayoutState(mesh, options, room)
     state.run(options.triangles)
     center, size = box(points)
     used, triangles = topology.numbered(state.triangles)
@@ -100,10 +99,10 @@ class LayoutState(State):
         faces: (T,) int, which triangle each one was.
         scales: (T, layers), the signed areas in the layout for an area on the surface, when each triangle was that.
         drift: (W,), how far the border at a wedge has moved outwards.
+        room: how far it may.
     """
 
-    @classmethod
-    def of_charted(cls, mesh: Charted, options: CollapseOptions, room: float) -> Self:
+    def __init__(self, mesh: Charted, options: CollapseOptions, room: float):
         """Of a mesh as it is. Its arguments are those of collapse_layout."""
         weights = np.ones(len(mesh.triangles)) if options.weights is None else options.weights
         wedges, edges = mesh.wedges, EdgeTable.of(mesh.triangles)
@@ -114,14 +113,13 @@ class LayoutState(State):
         normals, _ = unit_normals(points[triangles])
         along = summed([side_planes(points, edges, sides, normals, LINE * weights)], len(points))
         inner = quadrics_of(points, triangles, weights)
-        state = cls(points, triangles, tuple(map(np.add, inner, along)))
-        state.wedges, state.room, state.faces = wedges, room, np.arange(len(mesh.triangles))
-        state.values = np.zeros((int(wedges.max(initial=-1)) + 1, mesh.values.shape[-1]))
-        state.values[wedges.reshape(-1)] = mesh.values.reshape(wedges.size, -1)
-        areas = np.linalg.norm(face_normals(state.points, state.triangles), axis=1)
-        state.scales = _uv_areas(mesh.values, mesh.layers) / np.maximum(areas, 1e-300)[:, None]
-        state.drift = np.zeros(len(state.values))
-        return state
+        super().__init__(points, triangles, (inner[0] + along[0], inner[1] + along[1], inner[2] + along[2]))
+        self.wedges, self.room, self.faces = wedges, room, np.arange(len(mesh.triangles))
+        self.values = np.zeros((int(wedges.max(initial=-1)) + 1, mesh.values.shape[-1]))
+        self.values[wedges.reshape(-1)] = mesh.values.reshape(wedges.size, -1)
+        areas = np.linalg.norm(face_normals(points, triangles), axis=1)
+        self.scales = _uv_areas(mesh.values, mesh.layers) / np.maximum(areas, 1e-300)[:, None]
+        self.drift = np.zeros(len(self.values))
 
     def _allowed(self, edges: EdgeTable) -> np.ndarray:
         self._is_line = _lines(edges, self.wedges)
@@ -217,7 +215,8 @@ class LayoutState(State):
                     inside * _crossed(line, self.values[before][:, :2] - start) / np.maximum(np.hypot(*line.T), 1e-300)
                 )
                 found.append((after, number, np.maximum(self.drift[before], self.drift[after]) + np.maximum(off, 0.0)))
-        return tuple(map(np.concatenate, zip(*found, strict=True)))
+        wedges, numbers, far = map(np.concatenate, zip(*found, strict=True))
+        return wedges, numbers, far
 
     def _collapse_edges(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> None:
         stay, target, values = self._after(edges, which, places)

@@ -79,7 +79,7 @@ def collapse_on_planes(
     if len(state.triangles) < len(triangles):
         state.flip()
     used, numbers = topology.numbered(state.triangles)
-    return OnPlanes(state.points[used] * size + center, numbers, state.of)
+    return OnPlanes(state.points[used] * size + center, numbers, state.sources)
 
 
 def without_needless(points: np.ndarray, triangles: np.ndarray, planes: Planes) -> OnPlanes:
@@ -89,11 +89,15 @@ def without_needless(points: np.ndarray, triangles: np.ndarray, planes: Planes) 
     state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size)
     state.run(0, FIRST_COST)
     used, numbers = topology.numbered(state.triangles)
-    return OnPlanes(state.points[used] * size + center, numbers, state.of)
+    return OnPlanes(state.points[used] * size + center, numbers, state.sources)
 
 
 class _State(State):
-    """A mesh on its way."""
+    """A mesh on its way.
+
+    Attributes:
+        sources: (T,) int, as `of` of OnPlanes.
+    """
 
     at_once = 1.0  # costs come in steps
 
@@ -102,17 +106,17 @@ class _State(State):
         shares = self._areas / self._areas.sum()
         stiffness = STIFF * np.minimum(shares / LARGE, 1.0) ** 2
         self._weights = self._areas * np.where(planes.is_round, 1.0, 1.0 + stiffness)
-        self.of = np.arange(len(triangles))
+        self.sources = np.arange(len(triangles))
         super().__init__(points, triangles, self._quadrics(points, triangles, planes.of))
 
     def flip(self) -> None:
         """Turn edges within planes: collapses leave thin triangles, which refuse others."""
-        self.triangles = flips.delaunay(self.points, self.triangles, self._plane_of[self.of])
+        self.triangles = flips.delaunay(self.points, self.triangles, self._plane_of[self.sources])
         self._changed[:] = self._round + 1
 
     def close(self, wanted: int, most: float, factor: float) -> None:
         """Close what costs up to `most` for each vertex, as long as more than `wanted` triangles are left, cheapest first."""
-        of = self._plane_of[self.of]
+        of = self._plane_of[self.sources]
         is_small = self._areas[of] < factor * np.sqrt(most)
         if not is_small.any() or is_small.all():
             return
@@ -131,10 +135,10 @@ class _State(State):
         stays = ~(is_small & is_closed[found.labels])
         around = np.unique(caps)
         self.triangles = np.concatenate([self.triangles[stays], caps])
-        self.of = np.concatenate([self.of[stays], self.of[beside]])
+        self.sources = np.concatenate([self.sources[stays], self.sources[beside]])
         # The planes of what is closed hold its rim no more.
         touches = np.isin(self.triangles, around).any(axis=1)
-        anew = self._quadrics(self.points, self.triangles[touches], self._plane_of[self.of[touches]], border=False)
+        anew = self._quadrics(self.points, self.triangles[touches], self._plane_of[self.sources[touches]], border=False)
         for values, new in zip((self._planes, self._offsets, self._constants), anew, strict=True):
             values[around] = new[around]
         self._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
@@ -165,7 +169,7 @@ class _State(State):
         return places[each, better], np.maximum(costs[each, better], 0.0) + 1e-14 * lengths
 
     def _is_spoiled(self, which: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        of = self._plane_of[self.of[which]]
+        of = self._plane_of[self.sources[which]]
         old, new = face_normals(before), face_normals(after)
         old_areas, new_areas = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
         old_quality = quality(before, old_areas)
@@ -176,7 +180,7 @@ class _State(State):
 
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
         super()._keep(triangles, which)
-        self.of = self.of[which]
+        self.sources = self.sources[which]
 
 
 @dataclass(frozen=True, eq=False)
