@@ -26,7 +26,7 @@ from ..core.settings import Settings
 from ..core.simplify import LEAST, Candidate, Search
 from ..output import datablocks
 from ..output.atomic_file import all_or_none
-from ..scene import mesh_reader
+from ..scene import evaluation, mesh_reader
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, low_material, temporary, unwrapping
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
@@ -96,8 +96,16 @@ def work(
         The reports of the low object and of its levels, from the finest.
     """
     start, timings = time.perf_counter(), Timings(asset_limits.STAGES)
+    settings = settings.stored(low_suffix=suffixes.low)
     _check(job, wanted, settings)
-    with temporary.only_if_finished(), all_or_none(), temporary.meshes(), kept_pictures(), ExitStack() as stack:
+    with (
+        _Aside() as aside,  # when new ones are gone, old ones have their names again
+        temporary.only_if_finished(),
+        all_or_none(),
+        temporary.meshes(),
+        kept_pictures(),
+        ExitStack() as stack,
+    ):
         is_there = wanted.keeps or job.low not in job.highs
         high, lows = None, [Low(job.low, wanted, HowMade(is_made=False))] if is_there else []
         skin = Skin.of(job.highs if not lows else [job.low], settings.map.modifiers)
@@ -108,8 +116,8 @@ def work(
             reading = _read(context, job, wanted, settings, timings)
             high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.05)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
-            making = _Making(context, high, judge, settings)
-            lows = yield from part(making.lows(job, lows, wanted, suffixes), 0.05, SEARCHED)
+            making = _Making(context, high, judge, settings, suffixes, aside)
+            lows = yield from part(making.lows(job, lows, wanted), 0.05, SEARCHED)
         unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
         lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
         jobs, sharing = [_job_of(low, job, context, settings, high) for low in lows], []
@@ -168,6 +176,32 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
         raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
 
 
+class _Aside(ExitStack):
+    """The levels of detail of an earlier press: without their names as long as new ones are made, then removed. If these fail,
+    they have their names again."""
+
+    def put(self, collection: bpy.types.Collection, names: Sequence[str]) -> None:
+        """Put the levels of these names in a collection aside."""
+        for name in names:
+            obj = collection.objects.get(name)
+            if obj is not None and obj.type == "MESH" and obj.is_editable:
+                before = name, obj.data.name
+                obj.name = obj.data.name = temporary.TEMPORARY
+                self.push(partial(self._end, ObjectRef.of(obj), before))
+
+    @staticmethod
+    def _end(ref: ObjectRef, names: tuple[str, str], failed: type[BaseException] | None, *_: object) -> None:
+        obj = ref.find()
+        if obj is None:
+            return
+        if failed is not None:
+            obj.name, obj.data.name = names
+        elif obj.data.users > 1:
+            bpy.data.objects.remove(obj)
+        else:
+            bpy.data.meshes.remove(obj.data)  # and the object with it
+
+
 @dataclass(frozen=True)
 class _Making:
     """Makes low objects of a high surface."""
@@ -176,36 +210,42 @@ class _Making:
     high: HighSurface
     judge: AppearanceJudge
     settings: Settings
+    suffixes: Suffixes
+    aside: _Aside
 
-    def lows(self, job: Job, known: Sequence[Low], wanted: Wanted, suffixes: Suffixes) -> Task[list[Low]]:
+    def lows(self, job: Job, known: Sequence[Low], wanted: Wanted) -> Task[list[Low]]:
         """`known`, or a new low object in its place, and levels of detail with textures of their own. Raises BakeError."""
-        first, lows = job.highs[0], list(known)
-        name, home = naming.low_name_of(first.name, suffixes), next(iter(first.users_collection), None)
-        if known:
-            name, home = known[0].obj.name, next(iter(known[0].obj.users_collection), None)
+        lows, home = list(known), self._home(known[0].obj if known else job.highs[0])
+        name = known[0].obj.name if known else naming.low_name_of(job.highs[0].name, self.suffixes)
+        shared_name = naming.of_levels(name, self.suffixes.low)
         if wanted.levels and (wanted.owns_textures or not known):
-            home = self._collection(naming.of_levels(name, suffixes.low), home)
+            home = self._collection(shared_name, home)
         names = [name if known or not wanted.levels else name + naming.FIRST_LEVEL]
-        names += naming.level_names(naming.of_levels(name, suffixes.low), wanted.own_levels)
+        names += naming.level_names(shared_name, wanted.own_levels)
         maker, left = None, range(len(known), len(names))
         for done, level in enumerate(left):
             limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
             obj = self._object(low.data, names[level], home)
-            obj.data.materials.append(low_material.new_like(job.highs, naming.of_levels(names[level], suffixes.low)))
+            obj.data.materials.append(
+                low_material.new_like(job.highs, naming.of_levels(names[level], self.suffixes.low))
+            )
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         return lows
 
     def sharing(self, low: Low, job: Job, timings: Timings) -> Task[list[Low]]:
         """Levels of detail that show the textures of a low object, which has its UV map. job: of its bake."""
-        wanted, name = low.wanted, naming.of_levels(low.obj.name)
+        wanted, name = low.wanted, naming.of_levels(low.obj.name, self.suffixes.low)
         room = unwrapping.margin(self.settings.sampling)
-        original = decimation.read_original(self.context, low.obj, "", self.settings.map.modifiers, with_normals=True)
+        modifiers = self.settings.map.modifiers
+        original = decimation.read_original(
+            self.context, low.obj, "", modifiers, with_normals=True, is_own_base=wanted.keeps
+        )
         samples = replace(self.high.samples, points=self.high.samples.points + self.high.origin)
         source, texels, result = LayoutSource(original, samples, room), None, list[Low]()
         if not wanted.has_count:
             texels = yield from part(self.judge.normal_map(low.obj, job.size or appearance_judge.SIDE), 0.0, 0.3)
-        home = next(iter(low.obj.users_collection), None)
+        home = self._home(low.obj)
         if not low.how.is_made:
             home = self._collection(name, home)
         meshes = list[SharedLevel]()
@@ -218,7 +258,7 @@ class _Making:
             meshes.append(mesh)
             mesh.data.name = level_name
             obj = bpy.data.objects.new(level_name, mesh.data)
-            (home or self.context.scene.collection).objects.link(obj)
+            home.objects.link(obj)
             obj.matrix_world = low.obj.matrix_world
             how = HowMade(
                 is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
@@ -274,10 +314,20 @@ class _Making:
         found = yield from search.min_triangles(source, max(LEAST, limit.triangles // 2), limit.triangles)
         return found.mesh, search.count
 
-    def _collection(self, name: str, within: bpy.types.Collection | None) -> bpy.types.Collection:
-        """A new collection for the levels of detail of an object. within: where it lies; None for that of the scene."""
+    def _home(self, obj: bpy.types.Object) -> bpy.types.Collection:
+        """The collection in which objects are where another one is, and are seen."""
+        shown = evaluation.shown_collections(self.context.view_layer)
+        return next((each for each in obj.users_collection if each in shown), self.context.scene.collection)
+
+    def _collection(self, name: str, within: bpy.types.Collection) -> bpy.types.Collection:
+        """The collection of the levels of detail of an object: the one that is there, without the levels of its last bake, or a
+        new one."""
+        for known in (within, *within.children):
+            if known.name == name + naming.LEVELS and known.is_editable:
+                self.aside.put(known, naming.level_names(name, asset_limits.MOST_LEVELS))
+                return known
         made = bpy.data.collections.new(name + naming.LEVELS)
-        (within or self.context.scene.collection).children.link(made)
+        within.children.link(made)
         return made
 
     def _low(self, wanted: Wanted, maker: Source | None) -> Task[tuple[LowMesh, Source, int]]:
@@ -302,11 +352,11 @@ class _Making:
         yield Progress(f"Decimating to {first:,} triangles", begin)
         return best.mesh if best else maker.make(first)[0], maker, compared.count
 
-    def _object(self, data: bpy.types.Mesh, name: str, home: bpy.types.Collection | None) -> bpy.types.Object:
+    def _object(self, data: bpy.types.Mesh, name: str, home: bpy.types.Collection) -> bpy.types.Object:
         """The object of a finished mesh, without the UV map by which it was judged."""
         data.name = name
         low, root = self.high.new_object(self.context, name, data), self.context.scene.collection
-        if home is not None and home != root:
+        if home != root:
             home.objects.link(low)
             root.objects.unlink(low)
         for layer in list(data.uv_layers):

@@ -119,6 +119,16 @@ def _contains(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> bool:
     return is_here or any(_contains(child, obj) for child in layer.children)
 
 
+def shown_collections(layer: bpy.types.ViewLayer) -> list[bpy.types.Collection]:
+    """The collections whose objects a view layer has: those that are not excluded."""
+    found, left = [], [layer.layer_collection]
+    while left:
+        each = left.pop()
+        left += each.children
+        found += [] if each.exclude else [each.collection]
+    return found
+
+
 def _unhide(obj: bpy.types.Object, restore: ExitStack) -> None:
     if obj.hide_get():
         obj.hide_set(False)

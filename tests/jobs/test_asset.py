@@ -240,11 +240,8 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
     plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
     bpy.context.view_layer.update()
     with temporary.meshes():
-        base = (
-            finish(high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES)))
-            .sources[-1]
-            .data
-        )
+        reading = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES))
+        base = [source for source in finish(reading).sources if not source.keeps_planes][-1].data
         points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
         top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
     assert len(top) == 2
@@ -653,6 +650,75 @@ def test_a_mesh_can_keep_its_triangles_and_get_uvs_and_maps(has_uvs):
 def test_a_mesh_that_keeps_its_triangles_can_have_levels():
     reports = finish(task([zoo.ball("Ball", 16)], Wanted(keeps=True, levels=1)))
     assert [report.triangles["low"] for report in reports] == [960, pytest.approx(480, rel=MOST_OFF)]
+
+
+def test_levels_of_a_kept_mesh_are_made_of_it_without_its_modifiers():
+    ball = zoo.ball("Ball", 16)
+    ball.modifiers.new("Finer", "SUBSURF").levels = 1
+    reports = finish(task([ball], Wanted(keeps=True, levels=1)))
+    assert [report.triangles["low"] for report in reports] == [960, pytest.approx(480, rel=MOST_OFF)]
+
+
+@pytest.mark.parametrize("owns_textures", [False, True])
+def test_a_second_press_takes_the_place_of_the_levels_of_the_first(owns_textures):
+    ball, wanted = zoo.ball("Ball", 24), Wanted(triangles=400, levels=2, owns_textures=owns_textures)
+    names = [report.low for report in finish(task([ball], wanted))]
+    first = bpy.data.objects[names[1]].data
+    first.name = "Edited"
+    meshes = sorted(each.name for each in bpy.data.meshes)
+    low = asset.known_low(bpy.context, [ball], Suffixes())
+    cancelled = task([ball], wanted, low=low)
+    assert any(step.done > 0.95 for step in cancelled)
+    assert bpy.data.objects[names[1]].data != first
+    cancelled.close()
+    assert bpy.data.objects[names[1]].data == first and first.name == "Edited"
+    assert sorted(each.name for each in bpy.data.meshes) == meshes
+    assert [report.low for report in finish(task([ball], wanted, low=low))] == names
+    assert [each.name for each in bpy.data.collections["Ball_low_LODs"].objects] == names
+    assert sorted(each.name for each in bpy.data.objects) == ["Ball", *names]
+    assert len(bpy.data.collections) == 1 and len(bpy.data.meshes) == 4
+
+
+def test_an_edited_level_elsewhere_stays():
+    """Only those in the collection of the levels are replaced."""
+    ball, wanted = zoo.ball("Ball", 24), Wanted(triangles=400, levels=1)
+    level = bpy.data.objects[finish(task([ball], wanted))[1].low]
+    bpy.context.scene.collection.objects.link(level)
+    bpy.data.collections["Ball_low_LODs"].objects.unlink(level)
+    low = asset.known_low(bpy.context, [ball], Suffixes())
+    assert finish(task([ball], wanted, low=low))[1].low == "Ball_low_LOD1.001"
+    assert level.name == "Ball_low_LOD1"
+
+
+def test_levels_are_called_after_any_suffix():
+    work = asset.work(
+        bpy.context,
+        Job(ball := zoo.ball("Ball", 16), [ball]),
+        Wanted(triangles=400, levels=1),
+        SETTINGS,
+        Pace(0.0),
+        suffixes=Suffixes(low="_game"),
+    )
+    reports = finish(work)
+    assert [report.low for report in reports] == ["Ball_game_LOD0", "Ball_game_LOD1"]
+    assert reports[0].image == "Ball_game_normal"
+
+
+@pytest.mark.parametrize("levels", [0, 1])
+def test_an_asset_lies_in_a_collection_that_is_seen(levels):
+    """And not in one that the view layer leaves out, where the high object is, too."""
+    ball, scene = zoo.ball("Ball", 16), bpy.context.scene
+    hidden, seen = bpy.data.collections.new("Hidden"), bpy.data.collections.new("Seen")
+    scene.collection.objects.unlink(ball)
+    for each in (hidden, seen):
+        scene.collection.children.link(each)
+        each.objects.link(ball)
+    bpy.context.view_layer.layer_collection.children["Hidden"].exclude = True
+    reports = finish(task([ball], Wanted(triangles=400, levels=levels)))
+    lows = [bpy.data.objects[report.low] for report in reports]
+    assert lows[0].visible_get() and list(hidden.objects) == [ball]
+    (home,) = lows[0].users_collection
+    assert home == seen if not levels else home in list(seen.children)
 
 
 def sides(low):

@@ -193,16 +193,26 @@ def _uvs_of(target: bpy.types.Object) -> Iterator[bpy.types.NodeTree]:
 
 
 def read_original(
-    context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, *, with_normals: bool = False
+    context: bpy.types.Context,
+    obj: bpy.types.Object,
+    uv_layer: str,
+    modifiers: str,
+    *,
+    with_normals: bool = False,
+    is_own_base: bool = False,
 ) -> UvMesh:
     """Read an object with its modifiers. The copy is temporary. Raises BakeError.
 
-    uv_layer: its name; empty for the active one. with_normals: whether custom normals stay.
+    uv_layer: its name; empty for the active one. with_normals: whether custom normals stay. is_own_base: whether its mesh
+    without modifiers is read, as by a bake onto itself.
     """
 
     def copied(depsgraph: bpy.types.Depsgraph) -> tuple[bpy.types.Mesh, np.ndarray]:
         shown = obj.evaluated_get(depsgraph)
-        copy = bpy.data.meshes.new_from_object(shown, preserve_all_data_layers=True, depsgraph=depsgraph)
+        if is_own_base:
+            copy = obj.data.copy()
+        else:
+            copy = bpy.data.meshes.new_from_object(shown, preserve_all_data_layers=True, depsgraph=depsgraph)
         copy.name = TEMPORARY
         return copy, mesh_reader.matrix(shown)
 
