@@ -96,9 +96,11 @@ class Surface:
             nodes = children
         width = nodes.shape[1]
         every, nodes = np.repeat(places, width, axis=0), nodes.reshape(-1)
-        squares = _squares(closest_points(every, self._corners[nodes]) - every).reshape(-1, width).min(axis=1)
-        # Boxes and triangles round differently.
-        return squares * np.float32(1.0001) + np.float32(1e-30)
+        squares = _squares(closest_points(every, self._corners[nodes]) - every)
+        lows, highs = self._levels[0]
+        # Boxes and triangles round differently: a place on a triangle can be beside the box of it.
+        squares = np.maximum(squares, _to_boxes(every, lows[nodes], highs[nodes])).reshape(-1, width).min(axis=1)
+        return squares * np.float32(1.0001)
 
 
 def _order(boxes: np.ndarray) -> np.ndarray:

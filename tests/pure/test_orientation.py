@@ -212,3 +212,16 @@ def test_places_far_beyond_what_floats_can_square_have_a_closest_triangle():
     found, _, squares = Surface(points, np.arange(6).reshape(2, 3)).closest(asked)
     assert found.tolist() == [0, 1]
     assert np.isfinite(squares).all()
+
+
+def test_a_place_on_a_triangle_whose_box_rounding_leaves_out_has_that_one_seed_1():
+    rng = np.random.default_rng(1)
+    start, stop = -rng.random(100, np.float32), rng.random(100, np.float32) / np.float32(50.0)
+    height, zero = np.arange(100, dtype=np.float32), np.zeros(100, np.float32)
+    end = start + (stop - start)  # that of the edge, as the closest point is computed
+    corners = [[start, height, zero], [stop, height, zero], [start, height, zero + 1.0]]
+    points = np.array(corners, np.float32).transpose(2, 0, 1).reshape(-1, 3)
+    assert (end > stop).sum() > 20
+    found, _, squares = Surface(points, np.arange(300).reshape(-1, 3)).closest(np.stack([end, height, zero], axis=1))
+    assert found.tolist() == list(range(100))
+    assert not squares.any()
