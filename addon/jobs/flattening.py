@@ -18,6 +18,7 @@ from ..mesh import topology, uv_crossings, uv_stretch, uv_strips
 from ..mesh.topology import numbered
 from ..mesh.triangle_mesh import Mesh
 from ..mesh.uv_charts import ChartOptions, Charts
+from ..mesh.uv_stacks import Mirror
 from ..scene import mesh_writer
 from . import temporary
 
@@ -29,6 +30,8 @@ AT_ONCE = 3000
 """Faces that Blender unwraps in one step, about."""
 LEAST = 0.002
 """The share of a chart's area that stretch costs and that does not count."""
+MIRRORINGS = 3
+"""How often charts are cut as their mirror images are, and those that fold or overlap are halved."""
 HALVINGS = 12
 """How often charts that fold or overlap are halved, until each of their faces is a chart."""
 
@@ -136,6 +139,47 @@ class Flattener:
     def relaxed(self, flattened: Flattened) -> Task[Flattened]:
         """With less stretch, where Blender finds some."""
         return (yield from self._unwrapped(flattened, self._is_stretched(flattened), STRETCH))
+
+    def mirrored(
+        self, flattened: Flattened, mirror: Mirror, seams: np.ndarray | None = None, *, is_cut: bool = False
+    ) -> Task[Flattened | None]:
+        """With less stretch, and with charts below the plane of a mirror that are images of those above; None if some fold or
+        overlap. is_cut: whether charts end in the plane."""
+        vertices = np.full(len(self.mesh.positions), -1)
+        here = np.flatnonzero(mirror.corners >= 0)
+        vertices[self.mesh.vertices[here]] = self.mesh.vertices[mirror.corners[here]]
+        sides = np.where(mirror.faces >= 0, mirror.sides, 0)
+        result = flattened
+        for number in range(MIRRORINGS):
+            here, there = (step / MIRRORINGS for step in (number, number + 1))
+            wrong = result.is_bad & (np.bincount(result.labels) > 1)
+            labels = self.charts.halved(result.labels, wrong) if number else result.labels
+            labels = self.charts.mirrored(labels, vertices, sides, is_cut=is_cut)
+            if not number and len(wrong) == labels.max(initial=-1) + 1 and _same(labels, flattened.labels).all():
+                return flattened
+            result = yield from part(self.flattened(labels, seams, result), here, there)
+            result = yield from self.relaxed(result)
+            result = self.images(result, mirror)
+            if not result.is_bad.any():
+                return result
+        return None
+
+    def images(self, flattened: Flattened, mirror: Mirror) -> Flattened:
+        """With UVs of charts below the plane of a mirror that are images of those above."""
+        labels, faces = flattened.labels, mirror.faces
+        other = np.where(faces >= 0, labels[faces], -1)
+        count = int(labels.max(initial=-1)) + 1
+        partner = np.full(count, -1)
+        partner[labels] = other
+        differs = (other != partner[labels]) | (mirror.sides >= 0)
+        is_image = (np.bincount(labels, differs, count) == 0.0) & (partner >= 0)
+        sizes = np.bincount(labels, minlength=count)
+        is_image[is_image] = sizes[is_image] == sizes[partner[is_image]]
+        corners = topology.ranges(self._starts, self._sizes)[np.repeat(is_image[labels], self._sizes)]
+        uv, nodes = flattened.uv.copy(), flattened.nodes.copy()
+        uv[corners] = uv[mirror.corners[corners]] * (-1.0, 1.0)
+        nodes[corners] = int(nodes.max(initial=-1)) + 1 + nodes[mirror.corners[corners]]
+        return self._measured(labels, uv, numbered(nodes)[1])
 
     def _is_stretched(self, flattened: Flattened) -> np.ndarray:
         """Which charts (N,) bool have stretch that counts."""

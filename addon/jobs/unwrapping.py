@@ -207,7 +207,9 @@ def _found(unwrapping: "_Unwrapping", mesh: Mesh, *, is_quick: bool) -> Task[Pac
     # The one with the fewest islands of those that are close to the best, and no worse than Smart Project.
     least = max(each.layout.figure * (1.0 if each.way.name == SMART else CLOSE) for each in last)
     good = [each for each in last if each.layout.figure >= least]
-    return min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
+    best = min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
+    alike = yield from unwrapping.mirrored(best)
+    return best if alike is None or alike.layout.figure < least else alike
 
 
 def _different(ways: list[Unwrapped]) -> list[Unwrapped]:
@@ -371,6 +373,35 @@ class _Unwrapping:
         after = yield from self._flattener.flattened(labels, known=before)
         costs = [(2.0 * each.stretch + self._prices(each)).sum() for each in (before, after)]
         return replace(way, flattened=after) if costs[1] < costs[0] else way
+
+    def mirrored(self, packed: Packed) -> Task[Packed | None]:
+        """With charts that are one another's mirror, if the mesh is its own; None if they are already, or cannot be."""
+        yield Progress("Unwrapping", 1.0)
+        data = self._obj.data
+        starts, materials = (foreach.read(data.polygons, name) for name in ("loop_start", "material_index"))
+        mirror = uv_stacks.mirror(self._mesh, starts, materials)
+        if mirror is None:
+            return None
+        known, found = packed.way.flattened, []
+        most = max(self._most, packed.layout.islands)
+        for is_cut, side in itertools.product((False, True), (1, -1)):
+            each = replace(mirror, sides=side * mirror.sides)
+            flattened = yield from self._flattener.mirrored(known, each, packed.way.seams, is_cut=is_cut)
+            if flattened is known:
+                return None
+            if flattened is not None and len(flattened.stretch) <= most:
+                way = replace(packed.way, flattened=flattened)
+                quick = yield from self.packed(way, is_quick=True)
+                found.append((quick.layout.figure, -len(found), way, each))
+        if not found:
+            return None
+        _, _, way, mirror = max(found)
+        if self.straightened(packed.way) is None:
+            straight = self.straightened(way)
+            way = (
+                way if straight is None else replace(way, flattened=self._flattener.images(straight.flattened, mirror))
+            )
+        return (yield from self.packed(way))
 
     def straightened(self, way: Unwrapped) -> Unwrapped | None:
         """With strips of quads that are straight; None if there are none that were not."""

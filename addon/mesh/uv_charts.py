@@ -224,6 +224,30 @@ class Charts:
             labels[chosen] = target[chosen]
         return numbered(labels)[1]
 
+    def mirrored(
+        self, labels: np.ndarray, vertices: np.ndarray, sides: np.ndarray, *, is_cut: bool = False
+    ) -> np.ndarray:
+        """Labels of charts that end below a plane where they do above it.
+
+        Args:
+            labels: (F,) int from 0.
+            vertices: (V,) int, the mirror image of each vertex; -1 for none.
+            sides: (F,) int, 1 for faces above the plane, -1 for those below, which have mirror images, 0 for others.
+            is_cut: whether charts end in the plane as well, else those that cross it are whole.
+        """
+        one, other = self._sides.T
+        width = len(self._curvature)
+        keys = edge_keys(*self._ends.T, width)
+        ends, side = vertices[self._ends], sides[self._sides]
+        wanted = edge_keys(*ends.T, width)
+        image = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
+        is_below = (side.min(axis=1) < 0) & (side.max(axis=1) <= 0) & (ends.min(axis=1) >= 0)
+        is_below[is_below] = keys[image[is_below]] == wanted[is_below]
+        inner = labels[one] == labels[other]
+        inner[is_below] = inner[image[is_below]]
+        inner &= ~(is_cut & (side.prod(axis=1) < 0))
+        return numbered(topology.connected(self.count, one[inner], other[inner]))[1]
+
     def whole(self, labels: np.ndarray) -> np.ndarray:
         """Labels of the connected parts of charts."""
         one, other = self._sides.T

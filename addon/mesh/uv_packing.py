@@ -32,6 +32,8 @@ STRAIGHT = 0.3
 """The share of an island's outline that runs along one direction, or across, from which on it is upright then."""
 UPRIGHT = 1.0005
 """An island alone is upright unless it could be so much longer otherwise."""
+HULL = 32
+"""Directions in which points of an island alone are looked for that are farthest."""
 RULES = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))
 """Which place is the lowest: the weights of the height of the island's center there and of its top."""
 NOISE, SEED = 0.3, 1
@@ -180,6 +182,19 @@ def _rotations(angles: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
 
 
+def _outermost(points: np.ndarray) -> np.ndarray:
+    """Those of points (N, 2) that can be corners of their convex hull: not inside that of the farthest in some directions."""
+    angles = 2.0 * np.pi * np.arange(HULL) / HULL
+    far = points[
+        [int((points @ direction).argmax()) for direction in np.stack([np.cos(angles), np.sin(angles)], axis=1)]
+    ]
+    outside = np.zeros(len(points), bool)
+    for start, along in zip(far, np.roll(far, -1, axis=0) - far, strict=True):
+        away = points - start
+        outside |= along.any() & (along[0] * away[:, 1] - along[1] * away[:, 0] <= 0.0)
+    return points[outside] if outside.any() else points[:1]
+
+
 @dataclass(frozen=True, eq=False)
 class _Places:
     """Where islands go: a point of island i at `uv` goes to matrices[i] @ uv + offsets[i].
@@ -311,7 +326,7 @@ class _Search:
     def _alone(self) -> _Places:
         """One island, in the smallest square: upright, if others are hardly smaller."""
         points = self.corners.reshape(-1, 2)
-        points = points[topology.numbered(topology.first_rows(points + 0.0))[0]]
+        points = _outermost(points)
         sides, turns = [], [0.0]
         for step in (np.pi / 360, np.pi / 36000):
             middle = turns[int(np.argmin(sides))] if sides else 0.25 * np.pi

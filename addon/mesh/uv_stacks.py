@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """UV islands that lie on each other, which count as one for packing, and faces of the same shape, which may do so."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,8 +14,8 @@ from .triangles import diagonal, face_areas
 
 NEAR = 1e-4
 """Points that are closer than this share of the mesh's diagonal are in one place."""
-MOST_MIRRORED = 0.5
-"""The share of the area that has a mirror, at least, where halves are copies."""
+MOST_MIRRORED, SAME = 0.5, 0.9
+"""The shares of the area that have a mirror, at least, where halves are copies, and where they are cut alike."""
 KINDS, ATTEMPTS = 8, 6
 """With how many parts of other shapes a part is compared that could be the same, and in how many ways for two points each."""
 
@@ -120,6 +121,39 @@ class Copies:
     corners: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """A mesh that is its own mirror, but for some faces.
+
+    Attributes:
+        corners: (C,) int, the corner that is the mirror image of each corner; -1 for none.
+        faces: (F,) int, the same of faces; those that lie across the plane are their own.
+        sides: (F,) int, 1 for faces above the plane, -1 for those below, 0 for those across it.
+    """
+
+    corners: np.ndarray
+    faces: np.ndarray
+    sides: np.ndarray
+
+
+def mirror(mesh: Mesh, starts: np.ndarray, materials: np.ndarray) -> Mirror | None:
+    """The mirror images of nearly all faces of a mesh; None if it is not its own mirror along x, y or z. As `copies`."""
+    if not len(mesh.triangles):
+        return None
+    faces = _Faces(mesh, starts, materials)
+    every, best, most = np.ones(len(faces.sizes), bool), None, SAME * faces.areas.sum()
+    for side, image in faces.mirrors():
+        if np.mean(image >= 0) <= MOST_MIRRORED:
+            continue
+        found = faces.matches(every, every, image, is_mirrored=True)
+        first = found[faces.starts]
+        area = faces.areas[first >= 0].sum()
+        if area > most * (1.0 + 1e-6):
+            sides = np.where(np.abs(side) > faces.near, np.sign(side), 0.0).astype(np.int64)
+            best, most = Mirror(found, np.where(first >= 0, faces.of[first], -1), sides), area
+    return best
+
+
 def copies(mesh: Mesh, starts: np.ndarray, materials: np.ndarray) -> Copies | None:
     """The faces of a mesh that can have the UVs of others, as they have the same shape, turned or mirrored; None for none.
 
@@ -133,21 +167,22 @@ def copies(mesh: Mesh, starts: np.ndarray, materials: np.ndarray) -> Copies | No
     """
     if not len(mesh.triangles):
         return None
-    places, points = np.unique(topology.places(mesh.positions)[mesh.vertices], return_inverse=True)
-    starts = np.append(starts.astype(np.int64), len(points))
-    faces = _Faces(mesh, starts, mesh.positions[places].astype(np.float64), points, materials)
-    corners = np.arange(len(points))
+    faces, corners = _Faces(mesh, starts, materials), np.arange(len(mesh.vertices))
     alone = faces.repeated(corners)
     faces.mirrored(corners, alone)
     if (corners == np.arange(len(corners))).all():
         return None
-    return Copies(corners[starts[:-1]] != starts[:-1], corners)
+    return Copies(corners[faces.starts] != faces.starts, corners)
 
 
 class _Faces:
     """The faces of a mesh. points (P, 3): those that are apart. at (C,) int: the point of each corner."""
 
-    def __init__(self, mesh: Mesh, starts: np.ndarray, points: np.ndarray, at: np.ndarray, materials: np.ndarray):
+    def __init__(self, mesh: Mesh, starts: np.ndarray, materials: np.ndarray):
+        """As `copies`."""
+        places, at = np.unique(topology.places(mesh.positions)[mesh.vertices], return_inverse=True)
+        points = mesh.positions[places].astype(np.float64)
+        starts = np.append(starts.astype(np.int64), len(at))
         self.points, self.at, self.starts, self.sizes = points, at, starts[:-1], np.diff(starts)
         self.of = np.repeat(np.arange(len(self.sizes)), self.sizes)
         following = np.arange(1, len(at) + 1)
@@ -202,18 +237,22 @@ class _Faces:
     def mirrored(self, corners: np.ndarray, free: np.ndarray) -> None:
         """Give corners of `free` faces (F,) bool those of their mirror, if there is a plane of which most of them have one."""
         best, most = None, MOST_MIRRORED * self.areas[free].sum()
+        for side, image in self.mirrors():
+            found = self.matches(free, free & (side > self.near), image, is_mirrored=True)
+            area = 2.0 * self.areas[np.unique(self.of[found >= 0])].sum()
+            if area > most * (1.0 + 1e-6):
+                best, most = found, area
+        if best is not None:
+            corners[best >= 0] = best[best >= 0]
+
+    def mirrors(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """For each plane that is tried, how far above it faces are (F,), and the images (P,) of points, see `matches`."""
         box = np.stack([self.points.min(axis=0), self.points.max(axis=0)])
         for axis in range(3):
             for middle in dict.fromkeys([float(box[:, axis].mean()), 0.0]):
                 mirror = self.points.copy()
                 mirror[:, axis] = 2.0 * middle - mirror[:, axis]
-                side = self.middles[:, axis] - middle
-                found = self.matches(free, free & (side > self.near), self._image(mirror), is_mirrored=True)
-                area = 2.0 * self.areas[np.unique(self.of[found >= 0])].sum()
-                if area > most * (1.0 + 1e-6):
-                    best, most = found, area
-        if best is not None:
-            corners[best >= 0] = best[best >= 0]
+                yield self.middles[:, axis] - middle, self._image(mirror)
 
     def _image(self, moved: np.ndarray) -> np.ndarray:
         """The point (P,) int in the place of each moved point (P, 3); -1 for none."""

@@ -2,6 +2,7 @@
 """Meshes without UVs are unwrapped: how well is measured by closed forms, and as the checks of a bake see it."""
 
 import re
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, flattening, unwrapping
-from addon.mesh import uv_stretch
+from addon.mesh import uv_islands, uv_stretch
 from addon.scene import mesh_reader
 from tests.support import lanes, zoo
 
@@ -87,6 +88,53 @@ def test_maps_are_sharper_than_by_smart_project(build):
         bpy.ops.uv.smart_project(island_margin=unwrapping.margin(SETTINGS.sampling), margin_method="FRACTION")
     unwrapping.unwrap(low, SETTINGS)
     assert sharpness(low) > sharpness(rival)
+
+
+def own_mirror():
+    """A ball with bumps that are the same on both sides of x = 0, and on no others."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=10)
+    low = bare(bpy.context.object)
+    points = mesh_reader.points(low.data).astype(np.float64)
+    x, y, z = points.T
+    points *= 1.0 + 0.1 * np.stack([np.sin(5.0 * y + 3.0 * z), np.cos(4.0 * z), np.abs(x)], axis=1)
+    low.data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+    return low
+
+
+def islands_of(low):
+    """The island of each face, and the face that is its mirror image."""
+    mesh = mesh_reader.surface(low.data, unwrapping.NAME, "lo", np.eye(4), with_faces=True)
+    islands = np.zeros(len(low.data.polygons), int)
+    islands[mesh.faces] = uv_islands.islands(mesh)
+    middles = np.array([polygon.center for polygon in low.data.polygons])
+    apart = np.linalg.norm(middles[:, None] - middles * (-1.0, 1.0, 1.0), axis=2)
+    assert apart.min(axis=1).max() < 1e-4
+    areas = np.abs(np.linalg.det(np.diff(mesh.uv[mesh.triangles].astype(float), axis=1)))
+    return islands, apart.argmin(axis=1), np.bincount(mesh.faces, areas)
+
+
+@pytest.mark.slow
+def test_islands_of_a_mesh_that_is_its_own_mirror_are_so_too(monkeypatch):
+    """They have the same faces, mirrored, and those that do not cross the plane have the same shape."""
+    monkeypatch.setattr(unwrapping, "CLOSE", 0.3)
+    low = own_mirror()
+    unwrapping.unwrap(low, SETTINGS)
+    islands, image, areas = islands_of(low)
+    pairs = set(zip(islands.tolist(), islands[image].tolist(), strict=True))
+    assert len(pairs) == islands.max() + 1 > 1
+    is_pair = islands != islands[image]
+    assert areas[is_pair] == pytest.approx(areas[image[is_pair]], rel=1e-3)
+
+
+@pytest.mark.parametrize("figure", [0.01, 0.99])
+def test_mirrored_islands_are_taken_if_they_use_the_map_as_well(monkeypatch, figure):
+    def mirrored(self, packed):
+        yield from ()
+        return replace(packed, stacked=0.25, layout=replace(packed.layout, sharpness=figure))
+
+    monkeypatch.setattr(unwrapping._Unwrapping, "mirrored", mirrored)
+    said = unwrapping.unwrap(bare(zoo.terrain("lo", 4, height=0.3)), SETTINGS)
+    assert ("25% of the faces on others" in said) == (figure > 0.5)
 
 
 def test_charts_that_always_overlap_become_single_faces(monkeypatch):

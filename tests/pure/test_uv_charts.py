@@ -396,3 +396,26 @@ def test_all_pairs_of_sides_find_the_same_crossings(seed):
                 )
     found = uv_crossings.crossing(corners, np.arange(180).reshape(60, 3), islands)
     assert found.tolist() == expected.tolist() and 10 < found.sum() < 60
+
+
+def test_charts_end_below_a_plane_where_they_do_above_it():
+    """A grid of 4 x 6 quads whose rows above the middle are in two charts, and one of those crosses it."""
+    triangles, places = grid(4, 6)
+    points = np.insert(places - 0.5, 2, 0.0, axis=1)
+    faces = np.tile(np.arange(24), 2)
+    charts = Charts(points, triangles, ChartOptions(MARGIN, faces=faces))
+    row, column = np.divmod(np.arange(24), 6)
+    labels = np.where(row >= 2, column >= 2, 2 + row)  # above: two; below: a row each
+    labels = np.where((row == 1) & (column < 2), 0, labels)  # the left one crosses the plane
+    high, wide = 5, 7
+    vertices = (np.arange(high)[::-1, None] * wide + np.arange(wide)).reshape(-1)
+    sides = np.where(row >= 2, 1, -1)
+    found = charts.mirrored(labels, vertices, sides)
+    wanted = np.where(column < 2, 0, np.where(row >= 2, 2, 1))
+    assert len(set(zip(found.tolist(), wanted.tolist(), strict=True))) == 3 == found.max() + 1
+    other = charts.mirrored(labels, vertices, -sides)
+    image = other.reshape(4, 6)[::-1].reshape(-1)
+    pairs = set(zip(other.tolist(), image.tolist(), strict=True))
+    assert len(pairs) == other.max() + 1 and other[0] == other[5] != other[6] == other[12] == other[18 - 6]
+    unknown = charts.mirrored(labels, np.full(high * wide, -1), sides)
+    assert len(set(zip(unknown.tolist(), labels.tolist(), strict=True))) == 4 == unknown.max() + 1

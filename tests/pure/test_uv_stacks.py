@@ -165,3 +165,39 @@ def test_parts_of_other_materials_and_sizes_are_no_copies():
 def test_what_has_no_copies_has_none():
     assert found(mesh_of(*sheet(3))) is None
     assert found(joined([sheet(3), turned(sheet(4), 1)])) is None
+
+
+def mirror_of(mesh):
+    starts = mesh.face_corners.starts[:-1]
+    return uv_stacks.mirror(mesh, starts, np.zeros(len(starts), int))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("axis", range(3))
+def test_each_face_has_its_mirror_image_on_the_other_side(seed, axis):
+    points, faces = sheet(seed)
+    other = [np.roll([v + len(points) for v in face[::-1]], seed).tolist() for face in faces]
+    both = np.roll(np.concatenate([points, points * X]), axis, axis=1) + np.eye(3)[axis] * 3.0
+    mesh, count = mesh_of(both, [*faces, *other]), len(faces)
+    mirror = mirror_of(mesh)
+    assert mirror.faces.tolist() == [*range(count, 2 * count), *range(count)]
+    assert (mirror.corners[mirror.corners] == np.arange(len(mirror.corners))).all()
+    there = 6.0 * np.eye(3)[axis] + both[mesh.vertices] * (1.0 - 2.0 * np.eye(3)[axis])
+    assert both[mesh.vertices[mirror.corners]] == pytest.approx(there)
+    middles = [both[face, axis].mean() - 3.0 for face in [*faces, *other]]
+    assert mirror.sides.tolist() == np.sign(middles).tolist()
+
+
+def test_faces_across_the_plane_are_their_own_images():
+    points = np.array([(x, y, z) for x, z in ((-3, 0), (-1, 1), (1, 1), (3, 0)) for y in (0.0, 1.0)])
+    mesh = mesh_of(points, [[2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1] for k in range(3)])
+    mirror = mirror_of(mesh)
+    assert mirror.faces.tolist() == [2, 1, 0] and mirror.sides.tolist() == [-1, 0, 1]
+
+
+def test_a_mesh_of_which_a_fifth_has_no_image_is_not_its_own_mirror():
+    points = np.array(
+        [(x, y * (9 + abs(x)), z) for x, z in ((-3, 0), (-1, 1), (1, 1), (3, 0), (5, 0)) for y in (0.0, 0.1)]
+    )
+    assert mirror_of(mesh_of(points, [[2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1] for k in range(4)])) is None
+    assert mirror_of(mesh_of(points, [[2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1] for k in range(3)])) is not None
