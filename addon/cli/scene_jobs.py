@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import bpy
 
-from ..core import naming
+from ..core import asset_limits, naming
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import Suffixes
 from ..jobs.job import Job, jobs_by_name
@@ -120,7 +120,8 @@ def _of_asset(options: argparse.Namespace) -> Job:
 
     visible = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.visible_get()]
     low = object_by_name(options.low[0]) if options.low else None
-    lows = {naming.low_name_of(obj.name, options.suffixes) for obj in visible}
+    names = (naming.made_names(obj.name, options.suffixes, asset_limits.MOST_LEVELS) for obj in visible)
+    lows = {name for each in names for name in each}
     highs = [object_by_name(name) for name in options.high]
     highs = highs or [obj for obj in visible if obj != low and obj.name not in lows]
     if not highs:

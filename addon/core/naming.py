@@ -218,6 +218,12 @@ def low_name_of(high_name: str, suffixes: Suffixes) -> str:
     return key.name(suffixes.low) if role == "high" and key is not None else f"{high_name}{suffixes.low}"
 
 
+def made_names(high_name: str, suffixes: Suffixes, levels: int) -> list[str]:
+    """The names of what is made of a high object: of its low object without and with levels of detail, and of these."""
+    low = low_name_of(high_name, suffixes)
+    return [low, low + FIRST_LEVEL, *level_names(low, levels)]
+
+
 def role(name: str, suffixes: Suffixes) -> str:
     """The role of an object by its name: "low", "high", "cage" or ""."""
     return _role(name, suffixes)[0]

@@ -146,8 +146,8 @@ def known_low(
 ) -> bpy.types.Object | None:
     """The low object that belongs to the first of these by its name; None without one."""
     context.view_layer.update()  # a script may have made objects
-    name = naming.low_name_of(highs[0].name, suffixes)
-    low = context.view_layer.objects.get(name) or context.view_layer.objects.get(name + naming.FIRST_LEVEL)
+    objects = context.view_layer.objects
+    low = next(filter(None, map(objects.get, naming.made_names(highs[0].name, suffixes, 0))), None)
     return low if low is not None and low.type == "MESH" and low not in highs else None
 
 
@@ -453,7 +453,6 @@ def _shown(sharing: Sequence[Low], report: Report, making: _Making) -> Task[list
     shown = foreach.pixels(image) if image is not None and report.appearance else None
     reports = []
     for done, low in enumerate(sharing):
-        low.obj.data.materials.clear()
         for slot in slots:
             low.obj.data.materials.append(slot.material)
         seen = None

@@ -155,6 +155,28 @@ def test_levels_lie_in_one_file(folder, more):
     assert len(tree["meshes"]) == 2 and len(tree["images"]) == len(tree["materials"]) == (2 if more else 1)
 
 
+def test_an_asset_of_a_scene_that_has_it_keeps_its_low_mesh(folder):
+    words = [
+        "--levels",
+        "1",
+        "--report",
+        "report.json",
+        "--save-blend",
+        "asset.blend",
+        "--size",
+        "64",
+        "--output",
+        "a.png",
+    ]
+    assert command.run(["asset", "ball.blend", "--triangles", "200", *words]) == 0
+    assert command.run(["asset", "asset.blend", *words]) == 0
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    assert [report["low"] for report in entry["reports"]] == ["Ball_low_LOD0", "Ball_low_LOD1"]
+    assert entry["reports"][0]["high"] == ["Ball_high"]
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "asset.blend"))
+    assert sorted(bpy.data.objects.keys()) == ["Ball_high", "Ball_low_LOD0", "Ball_low_LOD1", "Hidden"]
+
+
 @pytest.mark.slow
 def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):
     assert command.run([*ASSET, "--strict", "appearance.p99<0.001deg"]) == 4

@@ -680,6 +680,22 @@ def test_a_second_press_takes_the_place_of_the_levels_of_the_first(owns_textures
     assert len(bpy.data.collections) == 1 and len(bpy.data.meshes) == 4
 
 
+def test_levels_have_the_materials_of_the_faces_of_a_low_mesh():
+    """And nothing is said of the levels, which share these materials on purpose."""
+    ball, low = zoo.ball("Ball", 24), zoo.ball("Ball_low", 16)
+    for name in ("below", "above"):
+        low.data.materials.append(bpy.data.materials.new(name))
+    for face in low.data.polygons:
+        face.material_index = int(face.center.z > 0.0)
+    reports = finish(task([ball], Wanted(triangles=200, levels=1), low=low))
+    level = bpy.data.objects[reports[1].low].data
+    assert list(level.materials) == list(low.data.materials)
+    heights = [face.center.z for face in level.polygons if abs(face.center.z) > 0.2]
+    sides = [face.material_index for face in level.polygons if abs(face.center.z) > 0.2]
+    assert sides == [int(height > 0.0) for height in heights]
+    assert not [text for report in reports for text in report.warnings if "also on" in text]
+
+
 def test_an_edited_level_elsewhere_stays():
     """Only those in the collection of the levels are replaced."""
     ball, wanted = zoo.ball("Ball", 24), Wanted(triangles=400, levels=1)

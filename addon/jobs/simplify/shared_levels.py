@@ -171,14 +171,12 @@ class LayoutSource:
         return np.concatenate(list(moved), axis=1).reshape(coarse.values.shape)
 
     def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
-        """A mesh with the materials and the names of UV layers of the low one."""
+        """A mesh with the names of UV layers of the low one, and its numbers of materials, which it gets after the bake."""
         data, source = bpy.data.meshes.new(TEMPORARY), self.mesh.data
         mesh_writer.fill(data, coarse.points, coarse.triangles)
         data.update(calc_edges=True)
         data.polygons.foreach_set("use_smooth", np.ones(len(coarse.triangles), bool))
         data.polygons.foreach_set("material_index", coarse.labels.astype(np.int32))
-        for material in source.materials:
-            data.materials.append(material)
         for number, layer in enumerate(source.uv_layers):
             made = data.uv_layers.new(name=layer.name)
             uv = coarse.values[..., 2 * number : 2 * number + 2].astype(np.float32)
