@@ -5,8 +5,7 @@ objects beside them.
 Each object gets a UV map of its own for it, and keeps its other ones. Islands of an object that lie on each other stay so.
 """
 
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import bpy
@@ -17,12 +16,11 @@ from ..core.errors import BakeError, shorten_list
 from ..core.progress import Progress, Task, finish, part
 from ..core.settings import Settings
 from ..mesh import uv_packing
+from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stacks import Stacks
 from ..scene import mesh_reader
 from ..scene.high_materials import sets_of
-from . import temporary
-from .flattening import editing
-from .unwrapping import MOST, pack_boxes
+from .unwrapping import MOST
 
 LAYER = "Atlas"
 """The UV map of each object."""
@@ -122,14 +120,12 @@ def _are_packed(textures: Textures, margin: float) -> bool:
     """Whether islands lie side by side in the map, at one texel density."""
     for of_texture in map(list, map(dict.values, textures.values())):
         factors = np.concatenate([each.factors[each.factors > 0.0] for each in of_texture])
-        points, triangles, starts = _joined([(each.points, each) for each in of_texture])
-        islands = np.cumsum([0, *(len(each.factors) for each in of_texture)])
-        owners = [each.of[each.places] + first for each, first in zip(of_texture, islands[:-1], strict=True)]
+        points, triangles, _ = _joined([(each.points, each) for each in of_texture])
         corners = points[triangles]
         is_in = corners.min() >= -INSIDE and corners.max() <= 1.0 + INSIDE
         if not is_in or factors.max() > factors.min() * SAME_DENSITY:
             return False
-        if not uv_packing.are_apart(corners, np.concatenate(owners)[triangles[:, 0]], margin):
+        if not uv_packing.are_apart(corners, _islands(of_texture, triangles), margin):
             return False
     return True
 
@@ -137,48 +133,44 @@ def _are_packed(textures: Textures, margin: float) -> bool:
 def _packed(textures: Textures, staying: Textures, margin: float) -> Task[dict[bpy.types.Object, np.ndarray]]:
     """The UVs of those that come: packed anew as large as they fit, or as large as those that stay, between their islands."""
     result: dict[bpy.types.Object, np.ndarray] = {}
-    outside: dict[bpy.types.Object, None] = {}
     for done, (name, here) in enumerate(textures.items()):
         yield Progress(f"Packing the UV islands of {name}" if name else "Packing UV islands", done / len(textures))
-        there = staying.get(name, {})
-        for (low, each), uv in zip(here.items(), _placed([*here.values()], [*there.values()], margin), strict=True):
+        there = [*staying.get(name, {}).values()]
+        start, stop = (step / len(textures) for step in (done, done + 1))
+        placed = yield from part(_placed([*here.values()], there, margin), start, stop)
+        if placed is None:
+            names = shorten_list(repr(low.name) for low in here)
+            raise BakeError(
+                f"{names} do not fit between the islands of the UV map {LAYER!r}: remove it from all of them, and pack them "
+                "together."
+                if there
+                else f"The UV islands of {names} do not fit into a map with their margins: take a larger one."
+            )
+        for (low, each), uv in zip(here.items(), placed, strict=True):
             if low not in result:
                 result[low] = mesh_reader.uvs(low.data, _layer(low)).astype(np.float64)
             result[low][each.corners] = uv
-            inside = uv - each.tiles
-            if inside.min() < -INSIDE or inside.max() > 1.0 + INSIDE:
-                outside[low] = None
-    if outside:
-        names = shorten_list(repr(low.name) for low in outside)
-        raise BakeError(
-            f"{names} do not fit between the islands of the UV map {LAYER!r}: remove it from all of them, and pack them "
-            "together."
-        )
     return result
 
 
-def _placed(here: Sequence[Stacks], there: Sequence[Stacks], margin: float) -> list[np.ndarray]:
-    """The new UVs of the corners of each of `here`, beside those of `there`."""
+def _placed(here: Sequence[Stacks], there: Sequence[Stacks], margin: float) -> Task[list[np.ndarray] | None]:
+    """The new UVs of the corners of each of `here`, beside those of `there`; None if they do not fit."""
     size = np.sqrt(sum(each.drawn for each in there) / sum(each.surface for each in there)) if there else 1.0
-    points, triangles, starts = _joined(
-        [*((each.points, each) for each in there), *((each.scaled(size), each) for each in here)]
+    points, triangles, starts = _joined([(each.scaled(size), each) for each in here])
+    staying = np.concatenate([each.points[each.triangles] for each in there]) if there else None
+    packed = yield from uv_packing.work(
+        points, triangles, PackOptions(margin, _islands(here, triangles), staying=staying)
     )
-    is_fixed = triangles[:, 0] < starts[len(there)]
-    with _object(points, triangles) as obj:
-        if there:
-            pins = obj.data.attributes.new(f".pn.{LAYER}", "BOOLEAN", "CORNER")
-            pins.data.foreach_set("value", np.repeat(is_fixed, 3))
-        with editing(obj):
-            if there:
-                bpy.ops.uv.pack_islands(
-                    rotate=True, scale=False, margin_method="FRACTION", margin=margin, shape_method="CONCAVE",
-                    merge_overlap=False, pin=True, pin_method="LOCKED",
-                )  # fmt: skip
-            else:
-                pack_boxes(margin)
-        points[triangles.reshape(-1)] = mesh_reader.uvs(obj.data, LAYER)
-    parts = np.split(points, starts[1:-1])
-    return [each.placed(part) for each, part in zip(here, parts[len(there) :], strict=True)]
+    if packed is None:
+        return None
+    return [each.placed(part) for each, part in zip(here, np.split(packed, starts[1:-1]), strict=True)]
+
+
+def _islands(parts: Sequence[Stacks], triangles: np.ndarray) -> np.ndarray:
+    """The island (T,) int of each triangle of `_joined`."""
+    first = np.cumsum([0, *(len(each.factors) for each in parts)])
+    islands = [each.of[each.places] + start for each, start in zip(parts, first[:-1], strict=True)]
+    return np.concatenate(islands)[triangles[:, 0]]
 
 
 def _joined(parts: Sequence[tuple[np.ndarray, Stacks]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -187,17 +179,6 @@ def _joined(parts: Sequence[tuple[np.ndarray, Stacks]]) -> tuple[np.ndarray, np.
     starts = np.cumsum([0, *(len(uv) for uv, _ in parts)])
     triangles = [each.triangles + start for (_, each), start in zip(parts, starts[:-1], strict=True)]
     return np.concatenate([uv for uv, _ in parts]), np.concatenate(triangles), starts
-
-
-@contextmanager
-def _object(points: np.ndarray, triangles: np.ndarray) -> Iterator[bpy.types.Object]:
-    """An object of triangles whose points (P, 2) are its UVs."""
-    with temporary.scene() as scene:
-        data = bpy.data.meshes.new(temporary.TEMPORARY)
-        data.from_pydata(np.pad(points, ((0, 0), (0, 1))), [], triangles)
-        layer = data.uv_layers.new(name=LAYER)
-        layer.uv.foreach_set("vector", points[triangles].astype(np.float32).reshape(-1))
-        yield temporary.add_object(scene, data)
 
 
 def _layer(low: bpy.types.Object) -> str:

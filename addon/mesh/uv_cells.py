@@ -148,8 +148,17 @@ class Strip:
         for step in range(2 * gap + 1):
             taken[step : step + high] |= lines
         first, last = max(row - gap, 0), min(row + high + gap, self.rows)
-        self._moved[0, 0, first * wide : last * wide] |= taken[first - row + gap : last - row + gap].reshape(-1)
-        begin, end = first * wide, last * wide  # what is beyond a row's end counts for no shape
+        self._take(taken[first - row + gap : last - row + gap], first)
+
+    def take(self, cells: np.ndarray) -> None:
+        """Take cells (R, C) bool from the first row on, without a gap around them."""
+        self._take(np.packbits(cells, axis=1, bitorder="little"), 0)
+
+    def _take(self, taken: np.ndarray, row: int) -> None:
+        """Take the cells whose bits are set in rows of bytes (R, B) uint8 from a row on."""
+        wide = self.wide
+        begin, end = row * wide, (row + len(taken)) * wide  # what is beyond a row's end counts for no shape
+        self._moved[0, 0, begin:end] |= taken.reshape(-1)
         for k in range(1, len(self._moved)):
             before, (whole, rest) = k - 1, divmod(1 << (k - 1), 8)
             at = self._table[before * 8 * self._each :]

@@ -4,6 +4,7 @@
 Islands are turned upright: their straight borders run along u and v. At a size, one after the other, the largest first, goes to
 the lowest free place of a strip as wide as the map. How high the strip is filled tells at which size it is filled to the top of
 the map. Small islands are set side by side in rows first, by their boxes and not in whole cells, and rows are packed together.
+Beside what stays in the map, islands keep their size, and cells that are too near to it are taken from the beginning.
 
 Source: the lowest place for one after the other, of Baker, Coffman and Rivest, "Orthogonal packings in two dimensions", 1980;
 islands as cells in several directions, of Sander, Wood, Gortler, Snyder and Hoppe, "Multi-chart geometry images", 2003; rows
@@ -71,11 +72,14 @@ class PackOptions:
         margin: around each island, as a share of the side. Along u or along v, two islands are twice as far apart.
         islands: (T,) int from 0, the island of each triangle; None for those that are connected.
         is_quick: whether few sizes and one order of islands are tried, with fewer cells.
+        staying: (S, 3, 2) float, the UVs of triangles that stay where they are: islands go between them, and keep their
+            size; None for none.
     """
 
     margin: float = 1.0 / 256.0
     islands: np.ndarray | None = None
     is_quick: bool = False
+    staying: np.ndarray | None = None
 
 
 def pack(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptions()) -> np.ndarray | None:
@@ -107,7 +111,8 @@ def work(uv: np.ndarray, triangles: np.ndarray, options: PackOptions = PackOptio
         islands, _ = topology.components(tuple(triangles.T), len(uv))
     if not len(triangles) or not 2.0 * options.margin < 1.0:
         return None
-    places = yield from _Search(uv[triangles].astype(np.float64), islands, options).best()
+    search = _Search(uv[triangles].astype(np.float64), islands, options)
+    places = yield from search.best() if options.staying is None else search.beside(options.staying)
     if places is None:
         return None
     of_uvs = np.zeros(len(uv), np.int64)
@@ -314,6 +319,52 @@ class _Search:
                     return self._filling(self.upright.then(best))
             size = following
 
+    def beside(self, staying: np.ndarray) -> Task[_Places | None]:
+        """Where islands go at their own size, beside triangles (S, 3, 2) that stay."""
+        if not self.areas.sum() > 0.0 or self.side < 1:
+            return None
+        taken, work = self._taken(staying), 0
+        for k in range(ORDERS):
+            yield Progress("Packing UV islands", k / ORDERS)
+            items = self._items(1.0 / self.cell, *WAYS[k % len(WAYS)])
+            directions = self._directions(items)
+            order = self._order(directions[0].shapes.cells, k)
+            _, places = self._place(directions, order, RULES[k % len(RULES)], self.side, taken)
+            if places:
+                return self.upright.then(self._found(items, directions, places))
+            work += len(order)
+            if work > WORK:
+                break
+        return None
+
+    def _taken(self, staying: np.ndarray) -> np.ndarray:
+        """The cells (side, side) bool, rows first, that are too near to triangles (S, 3, 2) that stay."""
+        reach, size = 2 * self.gap + 1, self.side + 2 * self.gap  # with those around the cells
+        corners = (staying.astype(np.float64) - self.margin) / self.cell + self.gap
+        least, most = corners.min(axis=1), corners.max(axis=1)
+        is_near = ((most >= 0.0) & (least < size)).all(axis=1)
+        is_out = is_near & (least[:, 1] < 0.0)  # as boxes: of others, rows from the lowest on are looked at
+        least, most = (np.clip(end[is_out], 0.0, size - 0.5) for end in (least, most))
+        box = [np.stack([x, y], axis=1) for y in (least[:, 1], most[:, 1]) for x in (least[:, 0], most[:, 0])]
+        corners = np.concatenate(
+            [
+                corners[is_near & ~is_out],
+                *(np.stack([box[a], box[b], box[c]], axis=1) for a, b, c in ((0, 1, 2), (1, 3, 2))),
+            ]
+        )
+        runs = uv_cells.rasterize(corners, np.zeros(len(corners), np.int64), np.array([[size, size]]))
+        taken = np.zeros((size, size), bool)
+        taken.reshape(-1)[topology.ranges(runs.row * size + runs.column, runs.length)] = True
+        for _ in range(2):
+            before = np.pad(np.cumsum(taken, axis=0, dtype=np.int64), ((1, 0), (0, 0)))
+            taken = (before[reach:] > before[:-reach]).T
+        return taken
+
+    def _order(self, cells: np.ndarray, number: int) -> list[int]:
+        """The order in which items of so many cells are placed: the largest first, in all orders but the first about."""
+        noise = NOISE * self.random.standard_normal(len(cells)) if number else 0.0
+        return np.argsort(-cells * np.exp(noise), kind="stable").tolist()
+
     def _filling(self, places: _Places) -> _Places:
         """Places so that islands just reach two opposite sides of the map, with the margin."""
         points = (
@@ -361,9 +412,7 @@ class _Search:
             if k == 1 or (k and items.has_blocks):
                 items = self._items(size, *WAYS[k % len(WAYS)])
                 directions = self._directions(items)
-            cells = directions[0].shapes.cells
-            noise = NOISE * self.random.standard_normal(len(cells)) if k else 0.0
-            order = np.argsort(-cells * np.exp(noise), kind="stable").tolist()
+            order = self._order(directions[0].shapes.cells, k)
             height, places = self._place(
                 directions, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side
             )
@@ -443,9 +492,14 @@ class _Search:
         return found
 
     def _place(
-        self, directions: list[_Direction], order: list[int], rule: tuple[float, float], limit: float
+        self,
+        directions: list[_Direction],
+        order: list[int],
+        rule: tuple[float, float],
+        limit: float,
+        taken: np.ndarray | None = None,
     ) -> tuple[float, dict[int, tuple[int, int, int, int]]]:
-        """Place items one after the other, as low as they go in the strip.
+        """Place items one after the other, as low as they go in the strip. taken: its cells that are not free.
 
         Returns how high it is filled, about, if it is higher than the limit; and the direction of each item, its shape there,
         and the first cell along u and v.
@@ -453,6 +507,8 @@ class _Search:
         (by_center, by_top), rows = rule, int(min(limit, STRIP * self.side))
         longest = max(int(each.shapes.runs.length.max()) for each in directions)
         strip, places, top = Strip((self.side, int(STRIP * self.side)), min(longest, self.side), self.gap), {}, 0
+        if taken is not None:
+            strip.take(taken)
         for item in order:
             best, lowest = None, np.inf
             ways = []

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Several objects share one map: at one texel density, without overlaps, and later with one more."""
 
+import itertools
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -95,6 +98,52 @@ def test_one_more_goes_around_the_others_wherever_they_are():
     assert sum(covered(low).astype(int) for low in (*first, more)).max() == 1
 
 
+def test_several_islands_keep_the_margin_to_what_stays():
+    first = [squares(str(number), [1.0] * 3, [(0.0, 0.0, 1.0)] * 3, 9.0 * number) for number in range(2)]
+    for low in first:
+        parts = [(0.1, 0.1, 0.2), (0.4, 0.1, 0.2), (0.1, 0.4, 0.2)]
+        uv = [
+            (u + 0.3 * int(low.name) + w * a, v + 0.3 * int(low.name) + w * b) for u, v, w in parts for a, b in CORNERS
+        ]
+        low.data.uv_layers.new(name=atlas.LAYER).uv.foreach_set("vector", np.array(uv, np.float32).ravel())
+    first[1].data.uv_layers[atlas.LAYER].uv.foreach_set(
+        "vector", (uv_of(first[1]) + (0.0, 0.3)).astype(np.float32).ravel()
+    )
+    more = squares("more", [1.0, 0.7, 0.7], [(0.0, 0.0, 1.0), (2.0, 0.0, 0.7), (4.0, 0.0, 0.7)], 27.0)
+    atlas.pack([*first, more], SETTINGS, is_done_once=True)
+    np.testing.assert_allclose(np.diff(boxes(more), axis=1)[:, 0, 0], [0.2, 0.14, 0.14], rtol=1e-4)
+    low, high = np.moveaxis(np.concatenate([boxes(each) for each in (more, *first)]), 1, 0)
+    apart = np.maximum(low[:3, None] - high, low - high[:3, None]).max(axis=2)
+    assert apart[~np.eye(3, 9, dtype=bool)].min() >= 2.0 * MARGIN * (1.0 - 1e-5)
+    assert low[:3].min() >= MARGIN * (1.0 - 1e-5) and high[:3].max() <= 1.0 - MARGIN * (1.0 - 1e-5)
+
+
+def test_margins_that_take_the_whole_map_are_refused():
+    low = squares("low", [1.0] * 40, [(1.01 * number, 0.0, 1.0) for number in range(40)])
+    before = state()
+    with pytest.raises(BakeError, match="'low' do not fit into a map with their margins: take a larger one"):
+        atlas.pack([low], replace(SETTINGS, width=32, height=32))
+    assert state() == before
+
+
+@pytest.mark.parametrize("is_more", [False, True])
+def test_packing_is_left_at_each_step(is_more):
+    """Packing itself has several; nothing has changed then."""
+    lows = objects()
+    if is_more:
+        atlas.pack(lows[:2], SETTINGS)
+        lows[2].scale = (0.2, 0.2, 0.2)
+        bpy.context.view_layer.update()
+    before = state()
+    for stop in (1, 2, 3):
+        work = atlas.work(lows, SETTINGS)
+        steps = [step.what for step in itertools.islice(work, stop)]
+        work.close()
+        assert steps == ["Reading UV maps", "Packing UV islands", "Packing UV islands"][:stop]
+        assert state() == before
+        assert atlas.LAYER not in lows[2].data.uv_layers
+
+
 def test_what_does_not_fit_is_refused_and_changes_nothing():
     *first, more = objects()
     more.scale = (5.0, 5.0, 5.0)
@@ -126,6 +175,7 @@ def test_wrong_objects_are_named(case):
     assert atlas.LAYER not in other.data.uv_layers
 
 
+CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 MARGIN = 8 / 2 / 256
 """Around each island, for the clean mip levels of SETTINGS."""
 
@@ -134,9 +184,9 @@ def squares(name, sides, uv, x=0.0):
     """An object of squares in a row, of these sides. uv: left, bottom and side of the UVs of each, negative if mirrored."""
     points, corners = [], []
     for number, (side, (left, bottom, wide)) in enumerate(zip(sides, uv, strict=True)):
-        points += [(3.0 * number + side * a, side * b, 0.0) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        points += [(3.0 * number + side * a, side * b, 0.0) for a, b in CORNERS]
         start = left if wide > 0.0 else left - wide
-        corners.append([(start + wide * a, bottom + abs(wide) * b) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))])
+        corners.append([(start + wide * a, bottom + abs(wide) * b) for a, b in CORNERS])
     faces = np.arange(len(points)).reshape(-1, 4)
     low = zoo.build(name, np.array(points), faces, np.array(corners))
     low.location.x = x

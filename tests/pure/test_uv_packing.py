@@ -191,3 +191,87 @@ def test_packed_islands_reach_the_margin(seed):
     packed = pack(*random_islands(seed), MARGIN, is_quick=True).reshape(-1, 2)
     assert packed.min(axis=0) == pytest.approx([MARGIN] * 2)
     assert packed.max() == pytest.approx(1.0 - MARGIN)
+
+
+def beside(corners, islands, staying, margin=MARGIN):
+    """The UVs (T, 3, 2) of triangles packed beside those that stay; None if they do not fit."""
+    options = uv_packing.PackOptions(margin, islands, staying=staying)
+    found = uv_packing.pack(corners.reshape(-1, 2), np.arange(3 * len(corners)).reshape(-1, 3), options)
+    return None if found is None else found.reshape(-1, 3, 2)
+
+
+def between(lows, highs):
+    """Triangles (2 N, 3, 2) of rectangles between corners (N, 2)."""
+    lows, highs = np.array(lows, float), np.array(highs, float)
+    corners = boxes(np.ones((len(lows), 2)))[0].reshape(-1, 2, 3, 2)
+    return (lows[:, None, None] + corners * (highs - lows)[:, None, None]).reshape(-1, 3, 2)
+
+
+@pytest.mark.parametrize("margin", [1.0 / 256.0, 0.013])
+def test_a_square_goes_into_the_only_hole(margin):
+    """If it leaves two margins on each side, and keeps its size."""
+    low, side = np.array([0.31, 0.52]), 0.3
+    frame = between(
+        [(0, 0), (low[0] + side, 0), (low[0], 0), (low[0], low[1] + side)],
+        [(low[0], 1), (1, 1), (low[0] + side, low[1]), (low[0] + side, 1)],
+    )
+    largest = side - 4.0 * margin
+    corners, islands = boxes([(1.0, 1.0)])
+    packed = beside(corners * (largest - 3.0 / 512.0), islands, frame, margin)
+    assert np.ptp(packed, axis=(0, 1)) == pytest.approx([largest - 3.0 / 512.0] * 2)
+    assert (packed >= low + 2.0 * margin - 1e-9).all() and (packed <= low + side - 2.0 * margin + 1e-9).all()
+    assert beside(corners * (largest + 1e-4), islands, frame, margin) is None
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_islands_beside_others_keep_their_distance_and_their_size(seed):
+    corners, islands = random_islands(seed, 12)
+    first = pack(corners, islands, MARGIN, is_quick=True)
+    staying, coming = 0.7 * first[islands < 6] + 0.2, 0.3 * first[islands >= 6]
+    moved = beside(coming, islands[islands >= 6] - 6, staying)
+    apart, border = least_distances(np.concatenate([staying, moved]), islands)
+    assert apart > 2.0 * MARGIN * 0.7 and border >= MARGIN * (1.0 - 1e-6)
+    apart, _ = least_distances(np.concatenate([staying, moved]), np.where(islands < 6, 0, islands - 5))
+    assert apart > 2.0 * MARGIN
+    sides = [np.linalg.norm(x - np.roll(x, -1, axis=1), axis=2) for x in (coming, moved)]
+    assert sides[1] == pytest.approx(sides[0])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_free"),
+    [
+        ((-5.0, -7.0), (0.6, 9.0), (1.0, 0.0)),  # sticks out on three sides
+        ((-0.1, 0.4), (1.2, 1.3), (0.0, -1.0)),
+        ((0.0, -7.0), (1.0, 0.6), (0.0, 1.0)),
+        ((0.4, -0.1), (70.0, 1.0), (-1.0, 0.0)),
+        ((1.1, 0.0), (2.1, 1.0), None),  # in the next tile
+        ((0.0, -1.0), (1.0, -0.5), None),
+    ],
+)
+def test_what_stays_outside_of_the_map_takes_what_it_covers(low, high, is_free):
+    """Of a map that is free otherwise, 0.4 is left, or all but the margins."""
+    corners, islands = boxes([(1.0, 1.0)])
+    largest = 1.0 - 2.0 * MARGIN if is_free is None else 0.4 - 3.0 * MARGIN
+    packed = beside(corners * (largest - (3.0 / 512.0 if is_free else 0.0)), islands, between([low], [high]))
+    assert packed.min() >= MARGIN * (1.0 - 1e-6) and packed.max() <= 1.0 - MARGIN * (1.0 - 1e-6)
+    if is_free is not None:
+        away = packed.mean(axis=(0, 1)) - 0.5
+        assert away @ is_free > 0.2
+        assert beside(corners * (largest + 1e-4), islands, between([low], [high])) is None
+
+
+def test_many_small_islands_go_beside_what_stays():
+    """Around a square in the middle, also where no row of them is as wide as the map."""
+    random = np.random.default_rng(5)
+    corners, islands = boxes(random.uniform(0.005, 0.02, (500, 2)), random.uniform(0.0, 3.0, 500))
+    square = between([(0.1, 0.1)], [(0.9, 0.9)])
+    packed = beside(corners, islands, square)
+    low, high = packed.reshape(500, 6, 2).min(axis=1), packed.reshape(500, 6, 2).max(axis=1)
+    assert (np.maximum(low - 0.9, 0.1 - high).max(axis=1) > 2.0 * MARGIN).all()
+    apart = np.maximum(low[:, None] - high, low - high[:, None]).max(axis=2)
+    assert apart[~np.eye(500, dtype=bool)].min() >= 2.0 * MARGIN * (1.0 - 1e-6)
+    options = uv_packing.PackOptions(MARGIN, islands, staying=square)
+    tries = list(uv_packing.work(4.0 * corners.reshape(-1, 2), np.arange(3000).reshape(-1, 3), options))
+    assert len(tries) < uv_packing.ORDERS  # as there are many
+    assert beside(4.0 * corners, islands, square) is None
+    assert beside(0.0 * corners, islands, square) is None
