@@ -139,6 +139,20 @@ def test_what_is_no_grid_stays(kind):
     assert np.array_equal(straightened(mesh), mesh.uv)
 
 
+@pytest.mark.parametrize(("rows", "is_closed"), [(1, False), (2, False), (8, True)], ids=["ring", "band", "torus"])
+def test_what_is_closed_is_no_grid(rows, is_closed):
+    """Eight quads around, beside the same ones that are cut; a torus is closed along both axes."""
+    lines = rows + (not is_closed)
+    row, column = np.divmod(np.arange(8 * rows), 8)
+    above, beside = (row + 1) % lines * 8, (column + 1) % 8
+    closed = np.stack([8 * row + column, 8 * row + beside, above + beside, above + column], axis=1)
+    points = np.random.default_rng(rows).normal(size=(8 * lines, 3))
+    for faces, is_grid in ((closed, False), (closed[column < 7], not is_closed)):
+        mesh = mesh_of(points, points[:, :2], faces)
+        found = uv_strips._grids(mesh, np.concatenate(faces), np.zeros(2 * len(faces), int))
+        assert (found is not None) == is_grid
+
+
 def test_islands_beside_a_grid_stay():
     points = np.concatenate([arc(0.95), arc(0.5) + (3.0, 0.0, 0.0)])
     faces = np.concatenate([grid(1, 24), grid(1, 24) + 50])
