@@ -154,7 +154,7 @@ def test_a_batch_bakes_what_can_be_baked_and_names_the_others(batch):
     one.active_part = bpy.context.view_layer.objects.find("d_low")
     shown = panel_layout.draw(width=2000, panels=[bake_panel.IMPRINT_PT_bake])
     assert shown.text.count(reason) == 1
-    assert ("imprint.fix", True) in shown.buttons
+    assert ("imprint.unwrap", True) in shown.buttons
     bpy.context.scene.imprint.bakes = "SELECTION"
     bpy.context.view_layer.objects.active = bpy.data.objects["a_low"]
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
