@@ -174,6 +174,7 @@ class State:
             self._is_stuck = True
             return False
         chosen, places, costs = chosen[is_cheap], places[is_cheap], costs[is_cheap]
+        costs = costs / edges.counts[chosen]  # for each triangle that goes: one at open edges
         most = max(1, int(self.at_once * len(costs)))
         cheapest = np.flatnonzero(costs <= np.partition(costs, most - 1)[most - 1])
         order = cheapest[np.argsort(costs[cheapest], kind="stable")][:most]

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh import collapse
+from addon.mesh import collapse, mirrors
 from addon.mesh.collapse import CollapseOptions
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import face_normals
@@ -124,3 +124,13 @@ def test_a_thin_tube_is_not_pinched():
     _, left = collapse.collapse(points, triangles, CollapseOptions(20))
     assert 20 <= len(left) < len(triangles)
     assert (EdgeTable.of(left).counts == 2).all()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_borders_are_as_fine_as_what_is_inside(axis):
+    """The border of half a sphere, with edges as long as those of the rest: at one, a single triangle goes."""
+    half = mirrors.half(*sphere(48), mirrors.Plane(axis, 0.0))
+    points, triangles = collapse.collapse(*half, CollapseOptions(triangles=400))
+    edges = EdgeTable.of(triangles)
+    lengths = np.linalg.norm(points[edges.ends[:, 0]] - points[edges.ends[:, 1]], axis=1)
+    assert lengths[edges.is_open].mean() == pytest.approx(lengths[~edges.is_open].mean(), rel=0.15)
