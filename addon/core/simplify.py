@@ -30,6 +30,8 @@ CLOSER = 1.5
 """The least factor between the numbers of triangles of two tries before one is within the limit and one beyond it."""
 MOST_FOR_SPARING, MOST_FOR_OTHERS = 1.6, 1.25
 """The excess beyond which sparing what a mesh lost, and other meshes of a maker, hardly bring it within the limit."""
+GAIN = 0.01
+"""The share of the cost that a correction takes away at least, if another one is to follow."""
 SHARE_LEFT = 0.8
 """The share of what is left of the progress that the tries after one take: the more tries, the less each of them."""
 
@@ -187,18 +189,24 @@ class Search:
             self._made.remove(each)
 
     def best_of(
-        self, makers: Sequence[Maker], triangles: int, cost: Callable[[Candidate], float], corrections: int
+        self,
+        makers: Sequence[Maker],
+        triangles: int,
+        cost: Callable[[Candidate], float],
+        corrections: int,
+        variant: Callable[[Candidate], Maker | None] = lambda _: None,
     ) -> Task[Candidate]:
-        """The mesh of about this many triangles that costs least: one of each maker, and some more of the best maker that can
-        be corrected, each corrected by what the mesh before it lost.
+        """The mesh of about this many triangles that costs least: one of each maker, some more of the best maker that can
+        be corrected, each corrected by what the mesh before it lost, and one of a variant.
 
         Args:
             makers: in which ways meshes are made.
             triangles: of all of them.
             cost: of a candidate.
-            corrections: how many more are made at most.
+            corrections: how many more are made at most: the first one that gains less than GAIN is the last.
+            variant: gives the last maker by the best of the other meshes; None for none.
         """
-        tries, count = [], len(makers) + corrections
+        tries, count = [], len(makers) + corrections + 1
 
         def add(maker: Maker) -> Task[None]:
             share = len(tries) / count
@@ -211,8 +219,14 @@ class Search:
         for _ in range(corrections):
             if corrected is None:
                 break
+            least = min(map(cost, tries))
             yield from add(corrected)
+            if cost(tries[-1]) > (1.0 - GAIN) * least:
+                break
             corrected = corrected.corrected(tries[-1])
+        last = variant(min(tries, key=cost))
+        if last is not None:
+            yield from add(last)
         best = min(tries, key=cost)
         self.keep_only([best])
         return best

@@ -342,7 +342,8 @@ class _Making:
         best, begin = None, 0.0
         if maker is None:
             begin = 0.5
-            best = yield from part(compared.best_of(self.high.sources, first, _cost, CORRECTIONS), 0.0, begin)
+            finding = compared.best_of(self.high.sources, first, _cost, CORRECTIONS, self.high.symmetric)
+            best = yield from part(finding, 0.0, begin)
             maker = best.maker
         if not wanted.has_count:
             search = Search(wanted.search_limit, partial(self.judge.within, wanted), LowMesh.remove)

@@ -12,11 +12,11 @@ from .fitting import Samples
 from .topology import EdgeTable
 from .triangles import unit_normals
 
-MEASURED = 4000
+MEASURED = 20_000
 """How many samples of a surface are mirrored to measure it."""
-OFF, SHARE = 0.002, 0.99
+OFF, SHARE = 0.001, 0.995
 """The share of the size of the box by which mirrored samples may be off the surface, and the share that keeps to it."""
-SAME_COSINE = 0.5
+SAME_COSINE = 0.9
 """The cosine between the normals of a mirrored sample and of the surface there, from which it is the same place."""
 NEAR, NEAR_AS_A_WHOLE = 0.25, 0.75
 """The shares of the mean edge of borders within which edges, and whole borders, of a coarse half belong to its cut."""
@@ -64,7 +64,8 @@ def plane_of(
     """
     if not len(samples.points):
         return None
-    least, most = samples.points.min(axis=0), samples.points.max(axis=0)
+    used = points[triangles.reshape(-1)].astype(np.float64)
+    least, most = used.min(axis=0), used.max(axis=0)
     size, some = float((most - least).max()), samples.spread(MEASURED)
     surface, (normals, _) = Surface(points, triangles), unit_normals(points, triangles)
     for axis in axes:

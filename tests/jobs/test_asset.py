@@ -17,7 +17,7 @@ from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
-from addon.jobs.simplify import appearance_judge, high_surface, quad_meshes
+from addon.jobs.simplify import appearance_judge, high_surface, low_meshes, quad_meshes
 from addon.mesh import folds, topology
 from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
@@ -572,9 +572,11 @@ def stump(place=0.0, dent=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0.0, 0.7])
-@pytest.mark.parametrize("triangles", [400, 120])
-def test_an_asset_of_what_equals_its_mirror_image_does_so_to_the_bit(place, triangles):
-    report, low = made([stump(place)], Wanted(triangles=triangles), replace(SETTINGS, width=128, height=128))
+@pytest.mark.parametrize(("triangles", "symmetry"), [(400, Symmetry.X), (120, Symmetry.AUTO)])
+def test_an_asset_of_what_equals_its_mirror_image_does_so_to_the_bit(monkeypatch, place, triangles, symmetry):
+    monkeypatch.setattr(low_meshes, "MIRRORED_BIAS", 0.5)  # Auto takes it where it is as good
+    wanted = Wanted(triangles=triangles, mending=Mending(symmetry=symmetry))
+    report, low = made([stump(place)], wanted, replace(SETTINGS, width=128, height=128))
     assert report.asset["symmetry"] == "X" and "symmetric along X" in "\n".join(report.summary())
     assert len(low.data.polygons) == pytest.approx(triangles, abs=8)
     points = mesh_reader.points(low.data).astype(np.float64)
@@ -586,6 +588,13 @@ def test_an_asset_of_what_equals_its_mirror_image_does_so_to_the_bit(place, tria
     edges = EdgeTable.of(arrays(low)[1])
     ends = points[edges.ends[edges.is_open]]
     assert not edges.is_crowded.any() and len(ends) and (ends[..., 1] > 0.5).all()  # the hole is open, and nothing else
+
+
+@pytest.mark.slow
+def test_an_asset_does_not_equal_its_mirror_image_where_that_looks_worse(monkeypatch):
+    monkeypatch.setattr(low_meshes, "MIRRORED_BIAS", 10.0)
+    report, _ = made([stump()], Wanted(triangles=120), replace(SETTINGS, width=128, height=128))
+    assert "symmetry" not in report.asset and report.asset["measured"] > 3
 
 
 def test_an_asset_is_symmetric_only_where_that_is_asked_for_or_measured():

@@ -126,7 +126,7 @@ def test_limits_that_none_or_all_meet_end_with_the_finest_and_the_coarsest(error
     assert len(factory.measured) < 8
 
 
-@pytest.mark.parametrize("gain", [0.0, 0.2, -0.2])
+@pytest.mark.parametrize("gain", [0.0, 0.2, -0.2, 0.005])
 def test_the_best_of_all_makers_and_corrections_is_taken(gain):
     factory = Factory()
     makers = [Anew(factory, lambda number, each=each: each, gain=gain) for each in (3.0, 1.0, 2.0)]
@@ -137,8 +137,28 @@ def test_the_best_of_all_makers_and_corrections_is_taken(gain):
         return costs[-1]
 
     found = finish(factory.search().best_of(makers, 100, cost, 2))
-    assert cost(found) == min(costs) == pytest.approx(0.64 if gain > 0.0 else 1.0)
-    assert len(factory.measured) == (5 if gain else 3) and factory.alive == [found.mesh]
+    assert cost(found) == min(costs) == pytest.approx({0.2: 0.64, 0.005: 0.995}.get(gain, 1.0))
+    count = {0.2: 5, 0.0: 3, -0.2: 4, 0.005: 4}[
+        gain
+    ]  # the first correction that gains less than a hundredth is the last
+    assert len(factory.measured) == count and factory.alive == [found.mesh]
+
+
+@pytest.mark.parametrize(("better", "expected"), [(0.5, 0.4), (2.0, 0.8)])
+def test_a_variant_of_the_best_comes_last(better, expected):
+    factory, bests = Factory(), []
+
+    def variant(best):
+        bests.append(float(best.deviation.degrees[0]))
+        return Anew(factory, lambda number: better * bests[0])
+
+    def cost(candidate):
+        return float(candidate.deviation.degrees[0])
+
+    makers = [Anew(factory, lambda number, each=each: each, gain=0.2) for each in (3.0, 1.0)]
+    found = finish(factory.search().best_of(makers, 100, cost, 1, variant))
+    assert bests == pytest.approx([0.8]) and cost(found) == pytest.approx(expected)
+    assert len(factory.measured) == 4 and factory.alive == [found.mesh]
 
 
 @dataclass(frozen=True)

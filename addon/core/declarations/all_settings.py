@@ -129,7 +129,7 @@ ASSET: dict[str, Setting] = {
         tooltip="Make the low mesh equal its mirror image",
         default=Symmetry.AUTO,
         items=(
-            Item(Symmetry.AUTO, "Auto", "If the high mesh does within 0.2 % of the size"),
+            Item(Symmetry.AUTO, "Auto", "If the high mesh does and it looks no worse"),
             Item(Symmetry.NONE, "None", "Both sides differ"),
             Item(Symmetry.X, "X", "Left and right"),
             Item(Symmetry.Y, "Y", "Front and back"),

@@ -18,6 +18,7 @@ from ...core.declarations.choices import Symmetry
 from ...core.errors import BakeError
 from ...core.progress import Progress, Task, Timings
 from ...core.settings import Settings
+from ...core.simplify import Candidate
 from ...engine import hidden_faces
 from ...mesh import mirrors, orientation, small_parts, topology
 from ...mesh.closest import Surface
@@ -31,7 +32,7 @@ from ...scene import evaluation, mesh_reader
 from ...scene.high_reader import Reader
 from ..job import Job
 from . import plane_meshes
-from .low_meshes import REMESH_BIAS, Source, arrays, new_mesh, remeshed, sources_of
+from .low_meshes import REMESH_BIAS, DecimationSource, Source, arrays, new_mesh, remeshed, sources_of
 from .plane_meshes import MOST_BAD_EDGES
 
 MOST_HIDDEN = 0.05
@@ -70,6 +71,8 @@ class HighSurface:
         count: The triangles of the high objects, before any are thinned.
         crumbs: The parts that were left out.
         holes: Those that were filled.
+        mirror: In which it is its own mirror image, so that low meshes may be, too; None for none, or where all sources are
+            halves.
     """
 
     points: np.ndarray
@@ -83,6 +86,7 @@ class HighSurface:
     count: int
     crumbs: int = 0
     holes: int = 0
+    mirror: Plane | None = None
 
     @property
     def is_hard(self) -> bool:
@@ -111,6 +115,11 @@ class HighSurface:
         obj.matrix_world = Matrix.Translation(self.origin)
         context.view_layer.update()
         return obj
+
+    def symmetric(self, candidate: Candidate) -> Source | None:
+        """The source of a low mesh, as one of low meshes that equal their mirror images; None if this surface does not."""
+        is_whole = self.mirror is not None and isinstance(candidate.maker, DecimationSource)
+        return candidate.maker.halved(self.mirror) if is_whole else None
 
     @cached_property
     def _surface(self) -> Surface:
@@ -153,10 +162,11 @@ def read(
     yield Progress(what, 0.6)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
     mirror = _mirror(points, triangles, outer, mending.symmetry, name)
-    sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad, mirror=mirror)
-    if len(mending.symmetry.axes) == 1:
-        sources = [each for each in sources if each.mirror is not None]
-    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes)
+    sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
+    if mirror is not None and len(mending.symmetry.axes) == 1:
+        sources = [each.halved(mirror) for each in sources if isinstance(each, DecimationSource)]
+        mirror = None
+    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes, mirror)
 
 
 def _sources(
@@ -167,7 +177,6 @@ def _sources(
     *,
     hidden: float,
     bad: float,
-    mirror: Plane | None,
 ) -> list[Source]:
     """What low meshes are made of.
 
@@ -177,7 +186,6 @@ def _sources(
         outer: samples of those.
         timings: as DecimationSource has them.
         hidden, bad: as HighSurface has these shares.
-        mirror: in which it is its own mirror image, so that low meshes are, too; None for none.
     """
     points, triangles = arrays(data)
     result, outside = [], data
@@ -186,10 +194,10 @@ def _sources(
     if bad > MOST_BAD_EDGES or hidden > MOST_HIDDEN:
         voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
         if voxels is not None:
-            result += sources_of(voxels, outer, timings, is_remeshed=True, mirror=mirror)
+            result += sources_of(voxels, outer, timings, is_remeshed=True)
     # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
     if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
-        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0, mirror=mirror)
+        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0)
     on_planes = plane_meshes.source_of(*arrays(outside), result[-1].samples, timings, result[-1].bias)
     return [*result, on_planes] if on_planes is not None else result
 

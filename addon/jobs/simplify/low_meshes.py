@@ -53,6 +53,8 @@ COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 REMESH_BIAS = 1.1
 """By which factor a surface with bad edges or walls inside must be better than its remeshed one: they may show later."""
+MIRRORED_BIAS = 1.0 / 1.02
+"""The bias of a low mesh that equals its mirror image, of a surface that does: it may look that much worse."""
 SHARP = math.radians(100.0)
 """The angle between faces from which the edge between them is sharp: normals that are shared there point behind faces."""
 
@@ -119,6 +121,30 @@ class DecimationSource:
         """The same mesh, whose edges collapse by how much it bends."""
         weights = face_weights.by_bending(*arrays(self.dense))
         return replace(self, bias=self.bias * COLLAPSE_BIAS, weights=weights, partial=[])
+
+    def halved(self, plane: Plane) -> "DecimationSource":
+        """The half of the same mesh beyond a plane: its low meshes are joined with their mirror images."""
+        data = new_mesh(*mirrors.half(*arrays(self.data), plane))
+        dense = data if self.dense == self.data else new_mesh(*mirrors.half(*arrays(self.dense), plane))
+        samples, outer_samples = (
+            each.chosen(each.points[:, plane.axis] >= plane.place) for each in (self.samples, self.outer_samples)
+        )
+        points, triangles = arrays(dense)
+        nearest, _, _ = Surface(points, triangles).closest(samples.points.astype(np.float32))
+        weights = self.weights
+        if weights is not None:
+            weights = weights[Surface(*arrays(self.dense)).closest(points[triangles].mean(axis=1))[0]]
+        return replace(
+            self,
+            data=data,
+            dense=dense,
+            samples=replace(samples, triangles=nearest),
+            outer_samples=outer_samples,
+            bias=self.bias * MIRRORED_BIAS,
+            weights=weights,
+            partial=[],
+            mirror=plane,
+        )
 
     def make(self, triangles: int) -> list["LowMesh"]:
         """A low mesh of about this many triangles, without the smallest parts, if all of them took too many."""
@@ -267,12 +293,8 @@ def sources_of(
     *,
     bias: float = 1.0,
     is_remeshed: bool = False,
-    mirror: Plane | None = None,
 ) -> list[DecimationSource]:
-    """A mesh as a source for Decimate, and for collapsing edges. mirror: in which it is its own mirror image, if it is."""
-    if mirror is not None:
-        data = new_mesh(*mirrors.half(*arrays(data), mirror))
-        outer_samples = outer_samples.chosen(outer_samples.points[:, mirror.axis] >= mirror.place)
+    """A mesh as a source for Decimate, and for collapsing edges."""
     dense = data if len(data.polygons) <= DENSE else decimated(data, DENSE)
     if dense is data and not is_remeshed:
         points, triangles = arrays(data)
@@ -282,7 +304,7 @@ def sources_of(
         samples = outer_samples.spread(FITTED[1])
         nearest, _, _ = Surface(*arrays(dense)).closest(samples.points.astype(np.float32))
         samples = replace(samples, triangles=nearest)
-    plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias, mirror=mirror)
+    plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias)
     return [plain, plain.weighted()]
 
 
