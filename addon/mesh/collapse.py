@@ -7,6 +7,9 @@ Source: Garland and Heckbert, "Surface simplification using quadric error metric
 then the next; here, in each round, the cheapest tenth of those that do not touch, so that numpy works on whole arrays.
 Tried, from 58,320 triangles to 3,000: 51 rounds, 0.66 s; with one pass a round 106 rounds, 0.96 s, and the farthest place 12 %
 farther; without the memory of edges whose ends stayed 1.10 s.
+Tried: samples of the high mesh, carried through each collapse to the nearest new face, as the hits of a bake. Texels that
+viewers see more than 45 degrees or 2 % of the diagonal off, against Cast's own hits: a character 0.32 and 0.32 %, folds 0.23
+and 0.23 %, a building 5.7 and 2.6 %.
 """
 
 from dataclasses import dataclass
