@@ -143,8 +143,10 @@ class Flattener:
     def mirrored(
         self, flattened: Flattened, mirror: Mirror, seams: np.ndarray | None = None, *, is_cut: bool = False
     ) -> Task[Flattened | None]:
-        """With less stretch, and with charts below the plane of a mirror that are images of those above; None if some fold or
-        overlap. is_cut: whether charts end in the plane."""
+        """With charts below the plane of a mirror that are images of those above; None if some fold or overlap.
+
+        is_cut: whether charts end in the plane.
+        """
         vertices = np.full(len(self.mesh.positions), -1)
         here = np.flatnonzero(mirror.corners >= 0)
         vertices[self.mesh.vertices[here]] = self.mesh.vertices[mirror.corners[here]]
@@ -158,7 +160,6 @@ class Flattener:
             if not number and len(wrong) == labels.max(initial=-1) + 1 and _same(labels, flattened.labels).all():
                 return flattened
             result = yield from part(self.flattened(labels, seams, result), here, there)
-            result = yield from self.relaxed(result)
             result = self.images(result, mirror)
             if not result.is_bad.any():
                 return result

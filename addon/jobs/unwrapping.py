@@ -396,11 +396,11 @@ class _Unwrapping:
         if not found:
             return None
         _, _, way, mirror = max(found)
-        if self.straightened(packed.way) is None:
-            straight = self.straightened(way)
-            way = (
-                way if straight is None else replace(way, flattened=self._flattener.images(straight.flattened, mirror))
-            )
+        flattened = yield from self._flattener.relaxed(way.flattened)
+        way = replace(way, flattened=self._flattener.images(flattened, mirror))
+        straight = self.straightened(way) if self.straightened(packed.way) is None else None
+        if straight is not None:
+            way = replace(way, flattened=self._flattener.images(straight.flattened, mirror))
         return (yield from self.packed(way))
 
     def straightened(self, way: Unwrapped) -> Unwrapped | None:

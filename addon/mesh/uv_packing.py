@@ -41,10 +41,11 @@ NOISE, SEED = 0.3, 1
 """Islands are tried by area, and by area times a random factor, whose logarithm has a standard deviation of NOISE."""
 TRIES, WORK = 4, 1500
 """Sizes that are tried; more in a search that is not quick, until so many islands were placed together."""
-ORDERS, PLACED = 16, 400
-"""How many orders are tried at a size, at most; fewer if they have more islands than this together."""
-STEP, FINE = 1.01, 1.002
-"""The factors by which the next size differs, at least, and by which it must to be tried at all."""
+ORDERS, QUICK_ORDERS, PLACED = 16, 3, 400
+"""How many orders are tried at a size, at most, and how many ways to put islands in rows in a quick search; fewer if they have
+more islands than the last number together."""
+STEP, FINE, COARSE = 1.01, 1.002, 1.05
+"""The factors by which the next size differs, at least, and by which it must to be tried at all, and late in a quick search."""
 MOST, FEWEST = 300, 4
 """Islands that are packed by their outlines, at most: the smallest of more are in rows. Fewer small ones are in no rows."""
 SMALL = 1.15
@@ -315,7 +316,8 @@ class _Search:
             if best is not None:
                 if following <= largest or following >= smallest_too_large:
                     following = np.sqrt(largest * smallest_too_large)
-                if following / largest < FINE or (tries >= TRIES and (self.is_quick or work > WORK)):
+                enough = (following / largest < COARSE or tries >= 2 * TRIES) if self.is_quick else work > WORK
+                if following / largest < FINE or (tries >= TRIES and enough):
                     return self._filling(self.upright.then(best))
             size = following
 
@@ -404,8 +406,11 @@ class _Search:
     def _try(self, size: float) -> Task[tuple[float, _Places | None, int]]:
         """Pack at a size. Returns how high the strip is filled, where islands go if they fit, and how many items were placed
         in all orders that were tried."""
-        lowest, work, most = np.inf, 0, 1 if self.is_quick else ORDERS
+        lowest, work = np.inf, 0
         items = self._items(size, *WAYS[0])
+        most = min(ORDERS, len(RULES) * max(1, self.count * (self.count - 1)))
+        if self.is_quick:
+            most = QUICK_ORDERS if items.has_blocks else 1
         directions = self._directions(items)
         for k in range(most):
             yield Progress("Packing UV islands", 0.0)

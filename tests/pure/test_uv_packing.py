@@ -275,3 +275,9 @@ def test_many_small_islands_go_beside_what_stays():
     assert len(tries) < uv_packing.ORDERS  # as there are many
     assert beside(4.0 * corners, islands, square) is None
     assert beside(0.0 * corners, islands, square) is None
+
+
+def test_a_quick_search_packs_many_strips_nearly_as_large():
+    corners, islands = boxes([(1.0, 0.01)] * 300, [0.1] * 300)
+    quick, slow = (area(pack(corners, islands, MARGIN, is_quick=is_quick)) for is_quick in (True, False))
+    assert quick > 0.95 * slow
