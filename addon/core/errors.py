@@ -25,6 +25,11 @@ class Incomplete(BakeError):
 class NothingDrawn(BakeError):
     """No texel of a map shows a high mesh."""
 
+    def __init__(self, message: str, *, is_covered: bool = True):
+        """is_covered: whether UV islands cover texels at all."""
+        super().__init__(message)
+        self.is_covered = is_covered
+
 
 class NoGpu(BakeError):
     """Blender's gpu module does not start on this machine."""

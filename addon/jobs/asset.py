@@ -132,7 +132,7 @@ def work(
             reports += yield from part(_shown(sharing, reports[0], making), LOOKED, 1.0)
         lows += sharing
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
-        reports[0] = reports[0].with_warnings(notes)
+        reports[0] = reports[0].with_warnings([*notes, *_ended(lows, wanted)])
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in reports)
@@ -156,7 +156,8 @@ def _read(
 ) -> Task[HighSurface]:
     """The surface that low meshes are made of."""
     if not wanted.quads:
-        return (yield from high_surface.read(context, job, settings, timings, wanted.mending))
+        enough = wanted.triangles if wanted.has_count else 0
+        return (yield from high_surface.read(context, job, settings, timings, wanted.mending, enough=enough))
     mending = replace(wanted.mending, symmetry=Symmetry.NONE)
     high = yield from high_surface.read(context, job, settings, timings, mending)
     return replace(high, sources=quad_meshes.sources_of(high.sources))
@@ -214,7 +215,8 @@ class _Making:
     aside: _Aside
 
     def lows(self, job: Job, known: Sequence[Low], wanted: Wanted) -> Task[list[Low]]:
-        """`known`, or a new low object in its place, and levels of detail with textures of their own. Raises BakeError."""
+        """`known`, or a new low object in its place, and levels of detail with textures of their own, until one is not coarser.
+        Raises BakeError."""
         lows, home = list(known), self._home(known[0].obj if known else job.highs[0])
         name = known[0].obj.name if known else naming.low_name_of(job.highs[0].name, self.suffixes)
         shared_name = naming.of_levels(name, self.suffixes.low)
@@ -226,6 +228,9 @@ class _Making:
         for done, level in enumerate(left):
             limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
+            if level and low.triangles >= mesh_reader.count_triangles(lows[-1].obj.data):
+                low.remove()
+                break
             obj = self._object(low.data, names[level], home)
             obj.data.materials.append(
                 low_material.new_like(job.highs, naming.of_levels(names[level], self.suffixes.low))
@@ -234,7 +239,8 @@ class _Making:
         return lows
 
     def sharing(self, low: Low, job: Job, timings: Timings) -> Task[list[Low]]:
-        """Levels of detail that show the textures of a low object, which has its UV map. job: of its bake."""
+        """Levels of detail that show the textures of a low object, which has its UV map, until one is not coarser. job: of its
+        bake."""
         wanted, name = low.wanted, naming.of_levels(low.obj.name, self.suffixes.low)
         room = unwrapping.margin(self.settings.sampling)
         modifiers = self.settings.map.modifiers
@@ -245,15 +251,17 @@ class _Making:
         source, texels, result = LayoutSource(original, samples, room), None, list[Low]()
         if not wanted.has_count:
             texels = yield from part(self.judge.normal_map(low.obj, job.size or appearance_judge.SIDE), 0.0, 0.3)
-        home = self._home(low.obj)
-        if not low.how.is_made:
-            home = self._collection(name, home)
-        meshes = list[SharedLevel]()
+        home, meshes = self._home(low.obj), list[SharedLevel]()
         before, begin = source.triangles, 0.0 if texels is None else 0.3
         for number, level_name in enumerate(naming.level_names(name, wanted.levels), start=1):
             limit = wanted.of_level(number, before)
             ends = (begin + (COLLAPSED - begin) * share / wanted.levels for share in (number - 1, number))
             mesh, measured = yield from part(self._shared(source, limit, texels, timings), *ends)
+            if mesh.triangles >= before:
+                mesh.remove()
+                break
+            if not meshes and not low.how.is_made:
+                home = self._collection(name, home)
             before = mesh.triangles
             meshes.append(mesh)
             mesh.data.name = level_name
@@ -264,7 +272,7 @@ class _Making:
                 is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
             )
             result.append(Low(obj, limit, how))
-        if low.how.is_made and self.settings.map.space == Space.TANGENT and source.bend > FLAT:
+        if meshes and low.how.is_made and self.settings.map.space == Space.TANGENT and source.bend > FLAT:
             self.context.view_layer.update()
             yield from part(self._with_common_normals([low, *result], source, meshes), COLLAPSED, 1.0)
         return result
@@ -335,7 +343,7 @@ class _Making:
         best."""
         most = max(each.triangles for each in self.high.sources)
         if wanted.has_count and not wanted.is_count_given:
-            most = min(most, self.high.count)  # voxels could have more
+            most = max(min(most, self.high.count), LEAST)  # voxels could have more
         most = min(most, wanted.triangles) if wanted.triangles else most
         first = most if wanted.has_count else min(most, max(FEWEST, round(SHARE * len(self.high.triangles))))
         compared = Search(wanted.search_limit, self.judge.quickly, LowMesh.remove)
@@ -442,9 +450,14 @@ def _baked(
     except NothingDrawn as error:
         if not lows[0].how.is_made:
             raise
+        name = jobs[0].highs[0].name
+        if not error.is_covered:
+            raise BakeError(
+                f"Margins around the UV islands of {name!r} take all of so small a map: set a larger map, or fewer levels in "
+                "Clean Mips."
+            ) from error
         raise BakeError(
-            f"So coarse a mesh shows nothing of {jobs[0].highs[0].name!r} on so small a map: allow more triangles, or set a "
-            "larger map."
+            f"So coarse a mesh shows nothing of {name!r} on so small a map: allow more triangles, or set a larger map."
         ) from error
 
 
@@ -503,6 +516,14 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
             f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
         )
     return sentences
+
+
+def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
+    """A sentence if there are fewer levels of detail than were wanted."""
+    count = len(lows) - 1
+    if count >= wanted.levels:
+        return []
+    return [f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: nothing coarser can be made of it."]
 
 
 def _unused(report: Report, low: Low) -> list[str]:

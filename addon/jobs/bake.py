@@ -113,7 +113,8 @@ def _checked(
         why = nothing_drawn(plan, length, is_covered=tally.missed > 0)
         is_set = tracing.extrusion is not None or tracing.max_distance is not None
         can_be_hit = plan.casts_rays and not all(map(is_without_area, plan.meshes.listed_highs))
-        raise NothingDrawn(Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why)
+        text = Fix.MEASURE.after(why) if is_set and tally.missed and can_be_hit else why
+        raise NothingDrawn(text, is_covered=tally.missed > 0)
     materials = set_numbers(request.job.low, plan.meshes) if not request.settings.map.texture_sets else None
     findings = yield from measures.findings(length, materials)
     return Baked(request, plan, findings, drawing.run.timings, warnings, state=state)

@@ -21,8 +21,9 @@ from addon.jobs.simplify import appearance_judge, high_surface, low_meshes, quad
 from addon.mesh import folds, topology
 from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import face_areas
 from addon.scene import mesh_reader
-from tests.support import quick_assets, spoiled, zoo
+from tests.support import lanes, quick_assets, spoiled, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -337,7 +338,7 @@ def test_a_mesh_that_shows_nothing_is_no_end_of_the_search(monkeypatch):
 def test_a_map_too_small_for_its_margins_is_said():
     hills = zoo.terrain("Hills", 8, height=0.3)
     before = snapshot()
-    with pytest.raises(BakeError, match="larger map"):
+    with pytest.raises(BakeError, match="Margins around the UV islands of .Hills. take all"):
         made([hills], Wanted(triangles=60), Settings(width=32, height=32, storage="MEMORY", margin=2, mips=5))
     assert difference(before, snapshot()) == {}
 
@@ -431,6 +432,41 @@ def test_common_normals_are_taken_if_levels_look_better_with_them(monkeypatch, b
         points, triangles = arrays(low)
         normals = mesh_reader.corner_normals(low.data).reshape(-1, 3)
         assert (normals * points[triangles.reshape(-1)]).sum(axis=1).min() > np.cos(np.radians(15.0))
+
+
+def squares(name="Squares", heights=(0.0, 1.0)):
+    """Parallel squares that face up."""
+    points = [(x, y, z) for z in heights for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    return zoo.build(name, points, np.arange(len(points)).reshape(-1, 4))
+
+
+@pytest.mark.parametrize("owns_textures", lanes.slow_but([False], [False, True]))
+def test_levels_end_where_nothing_coarser_can_be_made(owns_textures):
+    """The high mesh is its own mirror image, and has its triangles all the same."""
+    wanted = Wanted(triangles=900, levels=3, owns_textures=owns_textures)
+    (report,) = finish(task([squares()], wanted))
+    assert report.triangles["low"] == 4 and report.asset["missed"]
+    assert any("has 0 of 3 levels of detail: nothing coarser" in text for text in report.warnings)
+    (low,) = bpy.data.collections["Squares_low_LODs"].objects
+    assert low.name == report.low and len(bpy.data.meshes) == 2
+
+
+@pytest.mark.slow
+def test_levels_that_can_be_made_stay():
+    reports = finish(task([zoo.ball("Ball", 8)], Wanted(triangles=16, levels=5)))
+    counts = [report.triangles["low"] for report in reports]
+    assert len(counts) < 6 and counts == sorted(set(counts), reverse=True)
+    assert any(f"has {len(counts) - 1} of 5 levels" in text for text in reports[0].warnings)
+
+
+@pytest.mark.slow
+def test_the_smallest_mesh_can_be_made_its_own_mirror_image():
+    report, low = made([squares("Square", [0.0])], Wanted(is_count_given=False, mending=Mending(symmetry=Symmetry.X)))
+    assert report.triangles["low"] <= 6 and report.asset["symmetry"] == "X"
+    points, triangles = arrays(low)
+    assert face_areas(points, triangles).sum() == pytest.approx(1.0, rel=1e-3)
+    report, low = made([squares("Plain", [0.0])], Wanted(is_count_given=False))
+    assert report.triangles["low"] == 2 and "symmetry" not in report.asset
 
 
 @pytest.mark.slow

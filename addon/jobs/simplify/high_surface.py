@@ -127,11 +127,20 @@ class HighSurface:
 
 
 def read(
-    context: bpy.types.Context, job: Job, settings: Settings, timings: Timings, mending: Mending = USUAL_MENDING
+    context: bpy.types.Context,
+    job: Job,
+    settings: Settings,
+    timings: Timings,
+    mending: Mending = USUAL_MENDING,
+    *,
+    enough: int = 0,
 ) -> Task[HighSurface]:
     """Read the high objects of a job with their modifiers and instances. Raises BakeError.
 
-    timings: get the time of low meshes, as their sources say.
+    Args:
+        timings: get the time of low meshes, as their sources say.
+        enough: the triangles that low meshes may have. A surface of so few is not cut to be its own mirror image, unless along
+            an axis that is asked for: it has all its triangles anyway.
     """
     what = "Reading the high objects"
     yield Progress(what, 0.0)
@@ -161,9 +170,11 @@ def read(
     is_seen = _seen(data, points, triangles, samples)
     yield Progress(what, 0.6)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
-    mirror = _mirror(points, triangles, outer, mending.symmetry, name)
+    is_asked_for, mirror = len(mending.symmetry.axes) == 1, None
+    if is_asked_for or len(triangles) > enough:
+        mirror = _mirror(points, triangles, outer, mending.symmetry, name)
     sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
-    if mirror is not None and len(mending.symmetry.axes) == 1:
+    if mirror is not None and is_asked_for:
         sources = [each.halved(mirror) for each in sources if isinstance(each, DecimationSource)]
         mirror = None
     return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes, mirror)

@@ -239,7 +239,9 @@ class DecimationSource:
         return new_mesh(points, unfolded), len(corners) - len(unfolded)
 
     def _coarse(self, triangles: int) -> bpy.types.Mesh:
-        """A mesh of about this many triangles."""
+        """A mesh of about this many triangles. What has no more than a tetrahedron stays as it is."""
+        if len(self.data.polygons) <= small_parts.LEAST:
+            return self.data.copy()
         is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
         if not self.is_collapsed or not is_enough:
             return decimated(self.dense if is_enough else self.data, triangles)
