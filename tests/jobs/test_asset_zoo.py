@@ -118,7 +118,7 @@ def is_debris(soup):
     return np.bincount(part, areas)[part] < DEBRIS * areas.sum()
 
 
-def made(high, rng, monkeypatch, fewest=4, side=64):
+def made(high, rng, monkeypatch, fewest=4, side=64, *, quads=False):
     """The report of an asset and its low object. Raises BakeError. side: of the map, in texels."""
     quick_assets.quicken(monkeypatch)
     by_degrees = rng.random() < 0.3
@@ -126,6 +126,7 @@ def made(high, rng, monkeypatch, fewest=4, side=64):
         degrees=float(rng.choice([5.0, 20.0])) if by_degrees else np.inf,
         triangles=0 if by_degrees else int(rng.choice([fewest, 50, 100, 400])),
         levels=int(rng.random() < 0.1),
+        quads=quads,
     )
     settings = Settings(
         width=side,
@@ -167,14 +168,15 @@ def spoiled_surface(rng):
 outcomes = random_cases.counted(enough=16, assets=0.5, sentences=0.04)
 
 
-@random_cases.seeds(16, fast=2)
-def test_any_high_becomes_an_asset_or_a_sentence(seed, outcomes, monkeypatch):
+@pytest.mark.parametrize("quads", [False, True], ids=["triangles", "quads"])
+@random_cases.seeds(16, fast=1)
+def test_any_high_becomes_an_asset_or_a_sentence(seed, quads, outcomes, monkeypatch):
     rng = np.random.default_rng(seed)
     high = wrong_highs.made(rng)
     before = snapshot()
     try:
         with np.errstate(invalid="raise", divide="raise"):
-            reports = made(high, rng, monkeypatch)
+            reports = made(high, rng, monkeypatch, quads=quads)
     except BakeError as error:
         assert str(error).endswith(".")
         assert difference(before, snapshot()) == {}
