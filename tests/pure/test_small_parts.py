@@ -39,6 +39,7 @@ def test_parts_below_a_share_of_the_largest_are_crumbs():
     surface = joined(small(0.099), grid(4), small(0.101), small((0.09, 0.2, 1.0)), small(0.05))
     chosen, count = small_parts.is_crumb(*surface, 0.1)
     assert count == 2 and np.flatnonzero(chosen).tolist() == [0, 1, 38, 39]
+    assert small_parts.is_crumb(*joined(grid(4), small(0.25)), 0.25)[1] == 0  # of that size itself
 
 
 def test_a_far_crumb_does_not_make_the_rest_small():
