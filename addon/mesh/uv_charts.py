@@ -237,9 +237,9 @@ class Charts:
         """
         one, other = self._sides.T
         width = len(self._curvature)
-        keys = edge_keys(*self._ends.T, width)
+        keys = edge_keys(self._ends[:, 0], self._ends[:, 1], width)
         ends, side = vertices[self._ends], sides[self._sides]
-        wanted = edge_keys(*ends.T, width)
+        wanted = edge_keys(ends[:, 0], ends[:, 1], width)
         image = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
         is_below = (side.min(axis=1) < 0) & (side.max(axis=1) <= 0) & (ends.min(axis=1) >= 0)
         is_below[is_below] = keys[image[is_below]] == wanted[is_below]
