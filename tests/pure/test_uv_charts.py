@@ -417,5 +417,7 @@ def test_charts_end_below_a_plane_where_they_do_above_it():
     image = other.reshape(4, 6)[::-1].reshape(-1)
     pairs = set(zip(other.tolist(), image.tolist(), strict=True))
     assert len(pairs) == other.max() + 1 and other[0] == other[5] != other[6] == other[12] == other[18 - 6]
+    cut = charts.mirrored(labels, vertices, sides, is_cut=True)
+    assert len(set(zip(cut.tolist(), (wanted * 2 + (row >= 2)).tolist(), strict=True))) == 4 == cut.max() + 1
     unknown = charts.mirrored(labels, np.full(high * wide, -1), sides)
     assert len(set(zip(unknown.tolist(), labels.tolist(), strict=True))) == 4 == unknown.max() + 1
