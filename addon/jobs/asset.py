@@ -50,6 +50,8 @@ BETTER, WORSE = 0.9, 1.25
 may have."""
 SHARED, LOOKED = 0.86, 0.98
 """The shares that are done after levels that share textures are made, and when these are to be looked at."""
+FOLDED = 1000.0
+"""Degrees for which triangles count that are turned over, where ways to make a low mesh are compared: others are better."""
 MIN_COVERAGE = 0.1
 """The share of a map below which it is hardly used."""
 CORRECTIONS = 3
@@ -391,7 +393,7 @@ class _Making:
 
 def _cost(candidate: Candidate) -> float:
     """How wrong a low mesh looks, by how sure that is."""
-    return candidate.deviation.cost * candidate.maker.bias
+    return candidate.deviation.cost * candidate.maker.bias + (FOLDED if candidate.mesh.is_folded else 0.0)
 
 
 def _all_unwrapped(lows: Sequence[Low], settings: Settings, stack: ExitStack) -> Task[list[Low]]:

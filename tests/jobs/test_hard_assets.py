@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Game assets of machine parts: planes and edges by closed forms, and what is round stays as it was."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from addon.core.asset_limits import Wanted
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
+from addon.core.simplify import Candidate, Limit
 from addon.jobs import asset
 from addon.jobs.job import Job
 from addon.jobs.simplify import plane_meshes
@@ -66,3 +69,20 @@ def test_low_meshes_have_hard_edges_where_planes_meet():
         one, other = across[tuple(sorted(edge.vertices))]
         if faces[one] @ faces[other] < np.cos(np.radians(61.0)):
             assert edge.use_edge_sharp
+
+
+def test_meshes_with_triangles_turned_over_are_told(monkeypatch):
+    """Fit moves vertices: here one of a square's over its diagonal, so that one of its triangles shows its back."""
+    points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)])
+    triangles, normals = np.array([(0, 1, 2), (0, 2, 3)]), np.tile((0.0, 0.0, 1.0), (2, 1))
+    assert not plane_meshes.is_folded(points, triangles, normals)
+    points[3] = 0.5, 0.5, 0.0
+    assert not plane_meshes.is_folded(points, triangles, normals)  # no area
+    points[3] = 0.6, 0.4, 0.0
+    assert plane_meshes.is_folded(points, triangles, normals)
+    assert plane_meshes.is_folded(points[:3], np.array([(2, 1, 0)]), normals[:1])
+    source = source_of(cad_parts.gusset())
+    assert not source.make(112)[0].is_folded
+    monkeypatch.setattr(plane_meshes, "is_folded", lambda *_: True)
+    candidate = Candidate(source.make(112)[0], source, SimpleNamespace(cost=1.0), Limit())
+    assert asset._cost(candidate) > 100.0

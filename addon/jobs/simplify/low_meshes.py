@@ -274,11 +274,13 @@ class LowMesh:
         data: The mesh, relative to the origin of the high surface.
         source: What it is made of.
         nearest: (N,) int, its triangle at each sample of the source.
+        is_folded: Whether triangles are turned over that its source cannot turn back.
     """
 
     data: bpy.types.Mesh
     source: Source
     nearest: np.ndarray
+    is_folded: bool = False
 
     @property
     def triangles(self) -> int:

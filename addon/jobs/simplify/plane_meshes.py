@@ -13,6 +13,7 @@ from ...mesh.fitting import FitOptions, Samples
 from ...mesh.plane_collapse import OnPlanes, collapse_on_planes, without_needless
 from ...mesh.planes import Planes
 from ...mesh.topology import EdgeTable, edge_keys
+from ...mesh.triangles import face_normals
 from . import low_meshes
 from .low_meshes import LowMesh
 
@@ -23,6 +24,8 @@ CLOSING = 1.0, 8.0, 0.125
 MOST_BAD_EDGES = 0.01
 """The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
 a triangle soup."""
+TURNED = 1e-6
+"""The share of a mesh's area from which a triangle counts that is turned over."""
 MOST = 200_000
 """The most triangles of a surface that is made coarser in this way: parts by CAD programs have fewer."""
 
@@ -70,12 +73,19 @@ class PlaneSource:
             points, nearest = fitting.fit(coarse.points, coarse.triangles, self.samples, FitOptions(free=free))
             data = low_meshes.new_mesh(points, coarse.triangles)
             shade(data, hard_edges.shading(points, coarse.triangles, self.groups[source], of))
-        return [LowMesh(data, self, nearest)]
+        return [LowMesh(data, self, nearest, is_folded(points, coarse.triangles, self.planes.normals[of]))]
 
     def corrected(self, _: Candidate) -> "PlaneSource | None":
         """The same surface, of which more or less is closed; None if all of CLOSING was tried."""
         following = CLOSING[CLOSING.index(self.closing) + 1 :]
         return replace(self, closing=following[0]) if following else None
+
+
+def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> bool:
+    """Whether triangles (T, 3) with an area show their backs. normals: (T, 3), of their planes."""
+    doubled = face_normals(points, triangles)
+    least = TURNED * np.linalg.norm(doubled, axis=1).sum()
+    return bool(((doubled * normals).sum(axis=1) < -least).any())
 
 
 def source_of(
