@@ -137,3 +137,10 @@ def test_an_edge_through_the_plane_turns():
     edges = EdgeTable.of(faces)
     assert (edges.counts <= 2).all() and not edges.is_against.any()
     assert len(both) == 8
+
+
+def test_normals_are_mirrored_through_the_origin():
+    samples = surface_samples(CUBE, TRIANGLES, 50)
+    both = Plane(0, 5.0).both(samples)
+    assert np.array_equal(both.normals[50:], samples.normals * (-1.0, 1.0, 1.0))
+    assert np.array_equal(both.points[50:], samples.points * (-1.0, 1.0, 1.0) + (10.0, 0.0, 0.0))
