@@ -143,6 +143,15 @@ def work(
     return [replace(reports[0], seconds=seconds), *reports[1:]]
 
 
+def highs_of(
+    context: bpy.types.Context, selected: Sequence[bpy.types.Object], suffixes: Suffixes
+) -> list[bpy.types.Object]:
+    """The high objects of selected ones: in place of a low object that was made, which is selected then, the one it is of."""
+    objects = [obj for obj in context.view_layer.objects if obj.type == "MESH"]
+    made = {name: obj for obj in objects for name in naming.made_names(obj.name, suffixes, asset_limits.MOST_LEVELS)}
+    return list(dict.fromkeys(made.get(obj.name, obj) for obj in selected))
+
+
 def known_low(
     context: bpy.types.Context, highs: Sequence[bpy.types.Object], suffixes: Suffixes
 ) -> bpy.types.Object | None:

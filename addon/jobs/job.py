@@ -16,7 +16,7 @@ from .. import older_blender
 from ..core import naming, udim
 from ..core.declarations.choices import Method, Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
-from ..core.naming import MATERIAL, Suffixes, match
+from ..core.naming import MATERIAL, Suffixes, match, role
 from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings, TracingSettings
@@ -180,8 +180,8 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
     Raises BakeError if there is no job.
     """
     objects = object_checks.by_name(context.view_layer.objects)
-    # An empty that is called as a low object without its suffix is its parent, and no high object.
-    named = (name for name, obj in objects.items() if obj.type != "EMPTY" or object_checks.may_show(obj))
+    # What is called as a low object without its suffix, and shows nothing, is its parent or its rig, and no high object.
+    named = (name for name, obj in objects.items() if object_checks.may_show(obj) or role(name, suffixes))
     pairs, problems = match(named, suffixes)
     if not pairs:
         raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")

@@ -8,7 +8,8 @@ from .topology import EdgeTable
 from .triangles import face_areas
 
 MOST_AREA = 0.1
-"""The share of the area that small parts have at most: a heap of gravel is made of them."""
+"""The share of the area that small parts have at most, and holes of that of a part: a heap of gravel and a sieve are made of
+them."""
 MOST_OF_PART = 0.5
 """The share of the size of a part that a hole has at most: the border of a sheet is none."""
 FAIR = 0.5
@@ -63,7 +64,8 @@ def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float
 def filled(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray, int]:
     """A surface without holes that are smaller than a share of its size: a fan of triangles closes each.
 
-    Sizes are the longest sides of boxes. A border that is not small beside its own part is no hole.
+    Sizes are the longest sides of boxes. A border that is not small beside its own part is no hole, and a part that is made of
+    holes, as a sieve or lace, keeps them.
 
     Args:
         points: (V, 3) float.
@@ -81,15 +83,20 @@ def filled(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.
         return points, triangles, 0
     corners = points[np.stack([first, last], axis=1)].astype(np.float64)
     sizes, labels = _sizes(loop, count, corners), _labels(points, triangles)
-    of_parts = _sizes(labels, labels.max() + 1, points[triangles])
-    of_vertices = np.zeros(len(points))
-    of_vertices[triangles] = of_parts[labels][:, None]
-    part = np.zeros(count)
+    sides_of_parts = _sides(labels, labels.max() + 1, points[triangles])
+    of_vertices = np.zeros(len(points), int)
+    of_vertices[triangles] = labels[:, None]
+    part = np.zeros(count, int)
     part[loop] = of_vertices[first]
-    is_hole = (sizes < share * of_parts.max()) & (sizes < MOST_OF_PART * part)
+    # By the second side of its part's box: the end of a tube is small beside the length of the tube alone.
+    is_hole = (sizes < share * sides_of_parts.max()) & (sizes < MOST_OF_PART * sides_of_parts[part, 1])
     lengths = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
     middles = topology.sums_of(loop, corners.mean(axis=1) * lengths[:, None], count)
     middles /= np.maximum(np.bincount(loop, lengths, count), 1e-300)[:, None]
+    fans = face_areas(np.concatenate([corners, middles[loop][:, None]], axis=1))
+    closed = np.bincount(part[loop], fans * is_hole[loop], len(sides_of_parts))
+    areas = np.bincount(labels, face_areas(points, triangles), len(sides_of_parts))
+    is_hole &= (closed <= MOST_AREA * areas)[part]
     chosen = is_hole[loop]
     number = len(points) + np.cumsum(is_hole) - 1
     points = np.concatenate([points, middles[is_hole].astype(points.dtype)])
@@ -118,10 +125,15 @@ def _labels(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def _sizes(labels: np.ndarray, count: int, corners: np.ndarray) -> np.ndarray:
     """The longest sides (count,) of the boxes around what has each label. labels: (N,) int. corners: (N, n, 3)."""
+    return _sides(labels, count, corners)[:, 2]
+
+
+def _sides(labels: np.ndarray, count: int, corners: np.ndarray) -> np.ndarray:
+    """The sides (count, 3) of these boxes, the longest one last."""
     if not count:
-        return np.zeros(0)
+        return np.zeros((0, 3))
     order = np.argsort(labels, kind="stable")
     begins = np.searchsorted(labels[order], np.arange(count))
     least = np.minimum.reduceat(corners.min(axis=1)[order], begins)
     most = np.maximum.reduceat(corners.max(axis=1)[order], begins)
-    return (most - least).max(axis=1).astype(np.float64)
+    return np.sort((most - least).astype(np.float64), axis=1)

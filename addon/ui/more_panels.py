@@ -119,6 +119,7 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             highs = [active, *(obj for obj in highs if obj != active)]
         if not highs:
             raise BakeError("No object is selected: select the high-poly objects to make an asset of.")
+        highs = highs if wanted.keeps else asset.highs_of(context, highs, suffixes)
         low = None if wanted.keeps else asset.known_low(context, highs, suffixes)
         job = Job(low or highs[0], highs)
         if settings.export:

@@ -110,6 +110,24 @@ def test_pairs_by_name():
         check(maps.pixels(bpy.data.images[report.image]), normals)
 
 
+@pytest.mark.parametrize(
+    "data",
+    [lambda: None, lambda: bpy.data.armatures.new("Hero"), lambda: bpy.data.lights.new("Hero", "SUN")],
+    ids=["empty", "rig", "light"],
+)
+def test_what_shows_nothing_is_no_high_object_by_its_name(data):
+    """Beside another pair, which is baked. A mesh of the name is one."""
+    pair("a_")
+    low = zoo.cube("Hero_low")
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Hero", data()))
+    jobs, problems = jobs_by_name(bpy.context, Suffixes())
+    assert [job.low.name for job in jobs] == ["a_low"] and len(problems) == 1 and "Hero_low" in problems[0]
+    bpy.data.objects.remove(bpy.data.objects["Hero"])
+    high = zoo.cube("Hero")
+    jobs, _ = jobs_by_name(bpy.context, Suffixes())
+    assert [job.highs for job in jobs if job.low == low] == [[high]]
+
+
 def test_an_atlas():
     """The second low object's UVs are on the free quarter above and below the first one's: both are scaled by a half."""
     turned = NORMALS * (-1.0, -1.0, 1.0)

@@ -90,6 +90,27 @@ def test_holes_are_closed_and_borders_are_not(share, area, borders, found):
     assert (normals[:, 2] > 0.0).all()
 
 
+@pytest.mark.parametrize(("every", "found"), [(4, 9), (3, 0)])
+def test_a_sieve_keeps_its_holes(every, found):
+    """A few holes of a part are closed, and none if they have more than a tenth of its area."""
+    holes = {(i, j) for i in range(1, 12, every) for j in range(1, 12, every)}
+    points, triangles = grid(12, holes)
+    assert len(holes) == found or len(holes) == 16
+    assert small_parts.filled(points, triangles, 0.2)[2] == found
+    other = joined((points, triangles), small(9.0, (20.0, 0.0, 0.0)))  # whose area does not count
+    assert small_parts.filled(*other, 0.2)[2] == found
+
+
+def test_the_ends_of_a_tube_are_no_holes():
+    """As small as they are beside its length."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) * 0.02
+    points = np.concatenate([np.insert(ring, 2, height, axis=1) for height in (0.0, 1.0)])
+    one, two = np.arange(12), np.roll(np.arange(12), -1)
+    triangles = np.concatenate([np.stack([one, two, two + 12], axis=1), np.stack([one, two + 12, one + 12], axis=1)])
+    assert small_parts.filled(points, triangles, 0.2)[2] == 0
+
+
 def test_a_hole_of_a_ball_is_closed_from_outside():
     points = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
     corners = [(i, j, k) for i in (0, 1) for j in (2, 3) for k in (4, 5)]

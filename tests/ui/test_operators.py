@@ -669,6 +669,10 @@ def test_the_button_makes_an_asset_and_its_file(settings, tmp_path, monkeypatch)
     assert bpy.context.selected_objects == [low] == [bpy.context.view_layer.objects.active]
     assert (tmp_path / "Hill_low.glb").exists()
     assert "Hill_low: 1" in bpy.context.window_manager.imprint_summary
+    settings.asset_levels = 1
+    for level in (1, 2):  # the low mesh is selected now, and asks for its own asset
+        assert bpy.ops.imprint.make_asset() == {"FINISHED"}
+        assert sorted(bpy.data.objects.keys()) == ["Hill", "Hill_low", "Hill_low_LOD1"], level
 
 
 @pytest.mark.parametrize(
