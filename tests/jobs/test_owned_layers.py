@@ -120,10 +120,12 @@ def test_what_shows_nothing_is_no_high_object_by_its_name(data):
     pair("a_")
     low = zoo.cube("Hero_low")
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Hero", data()))
+    bpy.context.view_layer.update()
     jobs, problems = jobs_by_name(bpy.context, Suffixes())
     assert [job.low.name for job in jobs] == ["a_low"] and len(problems) == 1 and "Hero_low" in problems[0]
     bpy.data.objects.remove(bpy.data.objects["Hero"])
     high = zoo.cube("Hero")
+    bpy.context.view_layer.update()
     jobs, _ = jobs_by_name(bpy.context, Suffixes())
     assert [job.highs for job in jobs if job.low == low] == [[high]]
 
