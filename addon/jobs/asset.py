@@ -134,7 +134,7 @@ def work(
             reports += yield from part(_shown(sharing, reports[0], making), LOOKED, 1.0)
         lows += sharing
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
-        reports[0] = reports[0].with_warnings([*notes, *_ended(lows, wanted)])
+        reports[0] = reports[0].with_warnings([*notes, *_ended(lows, wanted), *_not_done(lows[0], high)])
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in reports)
@@ -535,6 +535,19 @@ def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
     if count >= wanted.levels:
         return []
     return [f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: nothing coarser can be made of it."]
+
+
+def _not_done(low: Low, high: HighSurface | None) -> list[str]:
+    """A sentence for each option that has no effect, or a bad one."""
+    sentences = []
+    if low.wanted.stacks_mirrored and not low.how.unwrapped:
+        sentences.append(f"Stack Mirrored changes no UV map that is there: remove that of {low.obj.name!r} to get one.")
+    if high is not None and low.how.is_made and high.loses_planes:
+        sentences.append(
+            f"{low.obj.name!r} equals its mirror image, and its flat sides are not kept exactly: set Symmetry to None for flat "
+            "ones."
+        )
+    return sentences
 
 
 def _unused(report: Report, low: Low) -> list[str]:

@@ -698,6 +698,15 @@ def test_a_mesh_that_keeps_its_triangles_can_have_levels():
     assert [report.triangles["low"] for report in reports] == [960, pytest.approx(480, rel=MOST_OFF)]
 
 
+@pytest.mark.parametrize("has_uvs", [False, True])
+def test_stacks_that_are_not_made_are_said(has_uvs):
+    high = zoo.cube("Box")
+    if not has_uvs:
+        high.data.uv_layers.remove(high.data.uv_layers[0])
+    report, _ = made([high], Wanted(keeps=True, stacks_mirrored=True))
+    assert any("Stack Mirrored changes no UV map" in text for text in report.warnings) == has_uvs
+
+
 def test_levels_of_a_kept_mesh_are_made_of_it_without_its_modifiers():
     ball = zoo.ball("Ball", 16)
     ball.modifiers.new("Finer", "SUBSURF").levels = 1

@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.asset_limits import Wanted
+from addon.core.asset_limits import Mending, Wanted
+from addon.core.declarations.choices import Symmetry
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
@@ -43,6 +44,16 @@ def test_a_plate_with_screw_holes_stays_a_plate(monkeypatch):
     mesh = mesh_reader.surface(low.data, low.data.uv_layers.active.name, low.name, np.eye(4))
     faces = np.repeat([face.normal for face in low.data.polygons], 3, axis=0)
     assert mesh.normals[mesh.triangles.reshape(-1)] == pytest.approx(faces, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("symmetry", "is_said"), [(Symmetry.X, True), (Symmetry.NONE, False)])
+def test_symmetry_that_bends_planes_is_said(monkeypatch, symmetry, is_said):
+    quick_assets.quicken(monkeypatch)
+    plate, wanted = cad_parts.plate(), Wanted(triangles=60, mending=Mending(symmetry=symmetry))
+    settings = Settings(width=64, height=64, samples=1, storage="MEMORY", margin=2)
+    (report,) = finish(asset.work(bpy.context, Job(plate, [plate]), wanted, settings, Pace(0.0), suffixes=Suffixes()))
+    assert any("set Symmetry to None" in text for text in report.warnings) == is_said != report.asset["keeps_planes"]
 
 
 def source_of(obj):

@@ -106,20 +106,20 @@ ASSET: dict[str, Setting] = {
         option=None,
     ),
     "asset_distance": Text(
-        label="Distance",
+        label="Distance (%)",
         tooltip="How far the low mesh may be from the high one, in percent of the size: the fewest triangles within it are "
         "searched",
         empty="no limit",
         option=None,
     ),
     "asset_crumbs": Text(
-        label="Crumbs",
+        label="Crumbs (%)",
         tooltip="Parts below this size, in percent of the largest part, are left out",
         default=str(asset_limits.CRUMBS),
         option=None,
     ),
     "asset_holes": Text(
-        label="Holes",
+        label="Holes (%)",
         tooltip="Holes below this size, in percent of the largest part, are filled",
         default=str(asset_limits.HOLES),
         option=None,

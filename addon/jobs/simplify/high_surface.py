@@ -73,6 +73,7 @@ class HighSurface:
         holes: Those that were filled.
         mirror: In which it is its own mirror image, so that low meshes may be, too; None for none, or where all sources are
             halves.
+        loses_planes: Whether low meshes could keep its planes, but for the symmetry that was asked for.
     """
 
     points: np.ndarray
@@ -87,6 +88,7 @@ class HighSurface:
     crumbs: int = 0
     holes: int = 0
     mirror: Plane | None = None
+    loses_planes: bool = False
 
     @property
     def is_hard(self) -> bool:
@@ -142,10 +144,9 @@ def read(
         enough: the triangles that low meshes may have. A surface of so few is not cut to be its own mirror image, unless along
             an axis that is asked for: it has all its triangles anyway.
     """
-    what = "Reading the high objects"
-    yield Progress(what, 0.0)
+    yield Progress("Reading the high objects", 0.0)
     points, triangles = _triangles(context, job, settings)
-    yield Progress(what, 0.1)
+    yield Progress("Reading the high objects", 0.1)
     name, origin = job.highs[0].name, np.array(job.highs[0].matrix_world.translation, np.float64)
     count, edge = len(triangles), _edge(face_areas(points, triangles))
     points, triangles = _thinned(*weld((points - origin).astype(np.float32), triangles))
@@ -154,7 +155,7 @@ def read(
     farthest = float(np.abs(points).max())
     if farthest > FAR_AWAY:
         raise BakeError(f"{name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest.")
-    yield Progress(what, 0.3)
+    yield Progress("Reading the high objects", 0.3)
     is_crumb, crumbs = small_parts.is_crumb(points, triangles, mending.crumbs)
     triangles = triangles[~is_crumb]
     if EdgeTable.of(triangles).is_against.any():
@@ -166,18 +167,21 @@ def read(
     samples = surface_samples(points, triangles, SAMPLES)
     if not len(samples.points):
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
-    yield Progress(what, 0.5)
+    yield Progress("Reading the high objects", 0.5)
     is_seen = _seen(data, points, triangles, samples)
-    yield Progress(what, 0.6)
+    yield Progress("Reading the high objects", 0.6)
     hidden, outer = 1.0 - float(is_seen[samples.triangles].mean()), samples.chosen(is_seen[samples.triangles])
     is_asked_for, mirror = len(mending.symmetry.axes) == 1, None
     if is_asked_for or len(triangles) > enough:
         mirror = _mirror(points, triangles, outer, mending.symmetry, name)
     sources = _sources(data, is_seen, outer, timings, hidden=hidden, bad=bad)
+    loses_planes = mirror is not None and is_asked_for and any(each.keeps_planes for each in sources)
     if mirror is not None and is_asked_for:
         sources = [each.halved(mirror) for each in sources if isinstance(each, DecimationSource)]
         mirror = None
-    return HighSurface(points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes, mirror)
+    return HighSurface(
+        points, triangles, origin, sources, outer, hidden, bad, edge, count, crumbs, holes, mirror, loses_planes
+    )
 
 
 def _sources(
