@@ -225,7 +225,10 @@ def of_made_uvs(uvs: np.ndarray | None) -> str:
     sums = np.zeros(SUMS)
     for start, weight in zip(starts, of_chunks, strict=True):
         values = np.nan_to_num(uvs[start : start + _CHUNK].ravel().astype(np.float64))
-        sums += weight * (values @ weights[: len(values)])
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # of UVs beyond all measures, which are compared by their hash
+            sums += weight * (values @ weights[: len(values)])
     most = float(np.abs(np.nan_to_num(uvs)).max())
     return json.dumps([content_keys.of_array(uvs), len(uvs), most, *sums.tolist()], separators=(",", ":"))
 

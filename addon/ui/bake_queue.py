@@ -210,7 +210,7 @@ class BakeProcess(Process):
         self.lacks = frozenset(run.filled)
         """The images that its copy has as they were before this queue filled them."""
         self.folders: list[str] = []
-        """In which it has temporary files."""
+        """In which it has, or had, temporary files."""
         super().__init__(messages)
 
     def _command(self, number: int) -> tuple[Sequence[str], dict[str, str]]:
@@ -223,7 +223,8 @@ class BakeProcess(Process):
     def _next(self) -> Any:
         received = self._connection.recv()
         while received[0] == "share":  # nothing answers that, so that it costs the process no time
-            _, self.done, self.folders = received
+            _, self.done, folders = received
+            self.folders = list(dict.fromkeys([*self.folders, *folders]))  # it may end before it tells the next time
             received = self._connection.recv()
         return received
 

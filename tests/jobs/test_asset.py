@@ -157,8 +157,10 @@ def test_several_moved_and_scaled_objects_make_one_mesh():
     for chosen, center, radius in ((nearer, (10, 0, 5), 2.0), (~nearer, (20, 0, 5), 1.0)):
         part = (points - center) / radius
         assert chosen.any() and outwards(part, triangles[chosen]).all()
-        depth = 4.0 * (4.0 * np.pi / chosen.sum()) / np.sqrt(3.0) / 6.0  # e^2 / 6 below the vertices, for edges e
-        assert np.linalg.norm(part[np.unique(triangles[chosen])], axis=1) == pytest.approx(1.0, abs=1.2 * depth)
+        depth = (
+            4.0 * (4.0 * np.pi / chosen.sum()) / np.sqrt(3.0) / 6.0
+        )  # e^2 / 6 below the vertices, for edges e that differ by a sixth
+        assert np.linalg.norm(part[np.unique(triangles[chosen])], axis=1) == pytest.approx(1.0, abs=1.35 * depth)
 
 
 def test_faces_that_are_turned_over_are_turned_back():

@@ -16,7 +16,7 @@ def quicken(monkeypatch, detail: appearance.Detail | None = None) -> None:
     monkeypatch.setattr(asset, "CORRECTIONS", 1)
     monkeypatch.setattr(low_meshes, "VOXELS", 15_000)
     monkeypatch.setattr(unwrapping, "FEW", 0)
-    monkeypatch.setattr(unwrapping, "PRICES", (1.0,))
+    monkeypatch.setattr(unwrapping, "PRICES", (1.0, 1.0))  # the first one is for small meshes
     monkeypatch.setattr(uv_packing, "ORDERS", 1)
     monkeypatch.setattr(uv_packing, "QUICK_CELLS", 64)
     monkeypatch.setattr(uv_packing, "CELLS", 128)
