@@ -194,12 +194,12 @@ ASSET = Command(
                 {"action": "store_true"},
             ),
             "crumbs": CommandOption(
-                "Leave out parts that are smaller than this share of the largest one; 0 keeps all",
+                "Leave out parts below this share of the largest one, and floating ones below 6 times it; 0 keeps all",
                 {"default": str(CRUMBS), "metavar": "PERCENT"},
                 str(CRUMBS),
             ),
             "holes": CommandOption(
-                "Fill holes that are smaller than this share of the largest part; 0 keeps all",
+                "Fill holes below this share of the largest part, and ragged ones below 6 times it; 0 keeps all",
                 {"default": str(HOLES), "metavar": "PERCENT"},
                 str(HOLES),
             ),

@@ -22,6 +22,7 @@ from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
 from ..core.progress import Pace, Progress, Task, Timings, part, relay
 from ..core.report import Report
+from ..core.sentences import NOTE, Sentence
 from ..core.settings import Settings
 from ..core.simplify import LEAST, Candidate, Search
 from ..output import datablocks
@@ -134,7 +135,9 @@ def work(
             reports += yield from part(_shown(sharing, reports[0], making), LOOKED, 1.0)
         lows += sharing
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
-        reports[0] = reports[0].with_warnings([*notes, *_ended(lows, wanted), *_not_done(lows[0], high)])
+        reports[0] = reports[0].with_warnings(
+            [*notes, *_ended(lows, wanted), *_not_done(lows[0], high), *_staying(lows[0], high)]
+        )
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
     before = time.perf_counter() - start - sum(report.seconds["total"] for report in reports)
@@ -392,8 +395,8 @@ class _Making:
             of=self.high.count,
             inside=self.high.hidden_share,
             faults=self.high.bad_edge_share,
-            crumbs=self.high.crumbs + source.left_out,
-            holes=self.high.holes,
+            crumbs=self.high.crumbs.mended + source.left_out,
+            holes=self.high.holes.mended,
             symmetry=source.mirror.name if source.mirror is not None else None,
             measured=measured,
             limits=wanted.to_dict(),
@@ -548,6 +551,31 @@ def _not_done(low: Low, high: HighSurface | None) -> list[str]:
             "ones."
         )
     return sentences
+
+
+def _staying(low: Low, high: HighSurface | None) -> list[str]:
+    """A sentence about small parts, and one about small holes, that stay and may not be meant."""
+    if high is None or not low.how.is_made:
+        return []
+    too_many = low.how.crumbs - high.crumbs.mended  # for the triangles, so that these are gone, too
+    of_each = (
+        ("parts", high.crumbs.stay - too_many, high.crumbs.largest, "Crumbs", "leave them out"),
+        ("holes", high.holes.stay, high.holes.largest, "Holes", "fill them"),
+    )
+    return [
+        Sentence(
+            f"Small {what} that stay: {count:,}, of at most {size:.1%} of the size. "
+            f"Set {setting} to {_above(size):g} to {cure}.",
+            NOTE,
+        )
+        for what, count, size, setting, cure in of_each
+        if count > 0
+    ]
+
+
+def _above(share: float) -> float:
+    """The percentage with one decimal that is above a share."""
+    return math.floor(1000.0 * share + 1.0) / 10.0
 
 
 def _unused(report: Report, low: Low) -> list[str]:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is too small to keep of a surface: parts of it, and holes in it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from . import topology
+from .closest import Surface
 from .topology import EdgeTable
 from .triangles import face_areas
 
@@ -16,10 +19,43 @@ FAIR = 0.5
 """The share of triangles from which on no part is left out that has the area for its own."""
 LEAST = 4
 """The triangles of which a closed part has at least."""
+CLEARLY = 6.0
+"""How many times as large as others parts and holes may be that nobody made: parts that float, and ragged holes."""
+FLOATING = 0.5
+"""The share of the size of a part by which it is away from larger ones if it floats. Buttons and rivets are nearer."""
+MOST_CLEAR_PART, MOST_CLEAR_HOLE = 0.06, 0.12
+"""The shares of the size that these have at most. Sleeves and the mouths of jars are larger."""
+RAGGED = 1.5
+"""The turns from which on a border is ragged: where a knife made it, it turns around once."""
 
 
-def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.ndarray, int]:
-    """Which triangles (T,) bool are in parts that are smaller than a share of the largest one, and how many parts that are.
+@dataclass(frozen=True)
+class Small:
+    """Small parts of a surface, or small holes in it.
+
+    Attributes:
+        mended: How many were left out, or filled.
+        stay: How many stay that are hardly larger, or that may be meant.
+        largest: The largest size of these, as a share of that of the largest part.
+    """
+
+    mended: int = 0
+    stay: int = 0
+    largest: float = 0.0
+
+    @classmethod
+    def of(cls, mended: np.ndarray, stay: np.ndarray, sizes: np.ndarray) -> "Small":
+        """Of parts or holes (N,): which are mended and which stay, bool, and their sizes."""
+        return cls(int(np.count_nonzero(mended)), int(np.count_nonzero(stay)), float(sizes[stay].max(initial=0.0)))
+
+
+NOTHING_SMALL = Small()
+"""Of a surface without any."""
+
+
+def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.ndarray, Small]:
+    """Which triangles (T,) bool are in parts that are smaller than a share of the largest one, or that float and are hardly
+    larger.
 
     Sizes are the longest sides of boxes. Small parts that have more than MOST_AREA of the area stay.
 
@@ -30,11 +66,49 @@ def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[n
     """
     labels = _labels(points, triangles)
     sizes = _sizes(labels, labels.max(initial=-1) + 1, points[triangles])
-    is_small = sizes < share * sizes.max(initial=0.0)
-    chosen, areas = is_small[labels], face_areas(points, triangles)
-    if areas[chosen].sum() > MOST_AREA * areas.sum():
-        return np.zeros(len(triangles), bool), 0
-    return chosen, int(np.count_nonzero(is_small))
+    sizes /= max(sizes.max(initial=0.0), 1e-300)
+    areas = np.bincount(labels, face_areas(points, triangles), len(sizes))
+
+    def few(chosen: np.ndarray) -> np.ndarray:
+        return chosen & (areas[chosen].sum() <= MOST_AREA * areas.sum())
+
+    is_small, may_be = sizes < share, few(sizes < _clear(share, MOST_CLEAR_PART))
+    chosen = few(is_small)
+    if (may_be & ~is_small).any():
+        chosen = chosen | _floats(points, triangles, labels, sizes, may_be & ~is_small)
+    return chosen[labels], Small.of(chosen, may_be & ~chosen, sizes)
+
+
+def _clear(share: float, most: float) -> float:
+    """The share of the size below which parts or holes may be such that nobody made."""
+    return max(share, min(CLEARLY * share, most))
+
+
+def _floats(
+    points: np.ndarray, triangles: np.ndarray, labels: np.ndarray, sizes: np.ndarray, chosen: np.ndarray
+) -> np.ndarray:
+    """Which of the chosen parts (P,) bool float: away from larger ones, and from those of them that do not.
+
+    Args:
+        points, triangles: of the surface.
+        labels: (T,) int, the part of each triangle.
+        sizes: (P,) of the parts, of which the largest has 1.
+    """
+    points = points.astype(np.float32)
+    far = np.full(len(sizes), np.inf)
+    reach = (
+        FLOATING
+        * sizes
+        * float(np.ptp(points[triangles[sizes[labels] == 1.0]].reshape(-1, 3), axis=0).max(initial=0.0))
+    )
+    is_free, near = chosen.copy(), ~chosen & (sizes >= sizes[chosen].max())
+    while is_free.any() and near.any():
+        rows = np.flatnonzero(is_free[labels])
+        _, _, squares = Surface(points, triangles[near[labels]]).closest(points[triangles[rows]].reshape(-1, 3))
+        np.minimum.at(far, np.repeat(labels[rows], 3), np.sqrt(squares))
+        near = is_free & (far <= reach)
+        is_free &= ~near
+    return is_free
 
 
 def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float) -> tuple[np.ndarray, int]:
@@ -61,8 +135,9 @@ def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float
     return is_kept[labels], int(np.count_nonzero(~is_kept))
 
 
-def filled(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """A surface without holes that are smaller than a share of its size: a fan of triangles closes each.
+def filled(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray, Small]:
+    """A surface without holes that are smaller than a share of its size, or ragged and hardly larger: a fan of triangles closes
+    each.
 
     Sizes are the longest sides of boxes. A border that is not small beside its own part is no hole, and a part that is made of
     holes, as a sieve or lace, keeps them.
@@ -73,39 +148,63 @@ def filled(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[np.
         share: from 0 to 1.
 
     Returns:
-        Points, triangles, and how many holes were filled.
+        Points, triangles, and the holes.
     """
     edges = EdgeTable.of(triangles)
     sides = np.sort(edges.alone)
-    first, last, loop = _loops(edges.first[sides], edges.last[sides])
+    first, last, loop, after = _loops(edges.first[sides], edges.last[sides])
     count = int(loop.max(initial=-1)) + 1
     if not count:
-        return points, triangles, 0
+        return points, triangles, NOTHING_SMALL
     corners = points[np.stack([first, last], axis=1)].astype(np.float64)
-    sizes, labels = _sizes(loop, count, corners), _labels(points, triangles)
+    labels = _labels(points, triangles)
     sides_of_parts = _sides(labels, labels.max() + 1, points[triangles])
+    sizes = _sizes(loop, count, corners) / sides_of_parts.max()
     of_vertices = np.zeros(len(points), int)
     of_vertices[triangles] = labels[:, None]
     part = np.zeros(count, int)
     part[loop] = of_vertices[first]
-    # By the second side of its part's box: the end of a tube is small beside the length of the tube alone.
-    is_hole = (sizes < share * sides_of_parts.max()) & (sizes < MOST_OF_PART * sides_of_parts[part, 1])
     lengths = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
     middles = topology.sums_of(loop, corners.mean(axis=1) * lengths[:, None], count)
     middles /= np.maximum(np.bincount(loop, lengths, count), 1e-300)[:, None]
-    fans = face_areas(np.concatenate([corners, middles[loop][:, None]], axis=1))
-    closed = np.bincount(part[loop], fans * is_hole[loop], len(sides_of_parts))
+    closing = face_areas(np.concatenate([corners, middles[loop][:, None]], axis=1))
     areas = np.bincount(labels, face_areas(points, triangles), len(sides_of_parts))
-    is_hole &= (closed <= MOST_AREA * areas)[part]
+
+    def few(chosen: np.ndarray) -> np.ndarray:
+        closed = np.bincount(part[loop], closing * chosen[loop], len(areas))
+        return chosen & (closed <= MOST_AREA * areas)[part]
+
+    # By the second side of its part's box: the end of a tube is small beside the length of the tube alone.
+    may_be = sizes * sides_of_parts.max() < MOST_OF_PART * sides_of_parts[part, 1]
+    may_be &= sizes < _clear(share, MOST_CLEAR_HOLE)
+    is_small, is_ragged = sizes < share, _turns(corners, loop, after, count) > RAGGED
+    is_hole = few(may_be & (is_small | is_ragged)) | few(may_be & is_small)
+    stay = few(may_be) & ~is_hole
     chosen = is_hole[loop]
     number = len(points) + np.cumsum(is_hole) - 1
     points = np.concatenate([points, middles[is_hole].astype(points.dtype)])
     fans = np.stack([last, first, number[loop]], axis=1)[chosen].astype(triangles.dtype)
-    return points, np.concatenate([triangles, fans[face_areas(points, fans) > 0.0]]), int(is_hole.sum())
+    triangles = np.concatenate([triangles, fans[face_areas(points, fans) > 0.0]])
+    return points, triangles, Small.of(is_hole, stay, sizes)
 
 
-def _loops(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Those of border sides, from vertices (S,) to vertices (S,) int, that run around holes, and around which."""
+def _turns(corners: np.ndarray, loop: np.ndarray, after: np.ndarray, count: int) -> np.ndarray:
+    """How often each border (count,) turns around, where all its turns count as if to one side.
+
+    Args:
+        corners: (S, 2, 3) of its sides.
+        loop: (S,) int, the border of each.
+        after: (S,) int, the side that follows each.
+    """
+    ways = corners[:, 1] - corners[:, 0]
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
+    angles = np.arccos(np.clip((ways * ways[after]).sum(axis=1), -1.0, 1.0))
+    return np.bincount(loop, angles, count) / (2.0 * np.pi)
+
+
+def _loops(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Those of border sides, from vertices (S,) to vertices (S,) int, that run around holes, around which, and the side that
+    follows each."""
     width = int(max(first.max(initial=-1), last.max(initial=-1))) + 1
     is_even = np.bincount(first, minlength=width) == np.bincount(last, minlength=width)
     roots = topology.connected(width, first, last)
@@ -114,8 +213,10 @@ def _loops(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     chosen = is_closed[roots[first]] & (first != last)
     first, last = first[chosen], last[chosen]
     # What comes to a vertex goes on with what leaves it; where borders touch, the first with the first.
-    coming, leaving = np.argsort(last, kind="stable"), np.argsort(first, kind="stable")
-    return first, last, topology.numbered(topology.connected(len(first), coming, leaving))[1]
+    coming, after = np.argsort(last, kind="stable"), np.empty(len(first), int)
+    after[coming] = np.argsort(first, kind="stable")
+    loop = topology.numbered(topology.connected(len(first), np.arange(len(first)), after))[1]
+    return first, last, loop, after
 
 
 def _labels(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

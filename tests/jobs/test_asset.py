@@ -14,6 +14,7 @@ from addon.core.declarations.choices import Symmetry
 from addon.core.errors import BakeError, NothingDrawn
 from addon.core.naming import Suffixes
 from addon.core.progress import Pace, Timings, finish
+from addon.core.sentences import NOTE, Sentence
 from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
@@ -644,17 +645,39 @@ def test_an_asset_is_symmetric_only_where_that_is_asked_for_or_measured():
         made([stump()], Wanted(triangles=60, mending=Mending(symmetry=Symmetry.Z)))
 
 
-def with_crumbs(count, size):
-    """A ball with a hole, and tetrahedra in the boxes of `size` around it."""
+def with_crumbs(count, size, away=None):
+    """A ball with a hole, and tetrahedra in the boxes of `size` around it. away: their distances from its middle."""
     soup = spoiled.of_object(zoo.ball("Ball", 32))
     rng = np.random.default_rng(3)
     around = rng.normal(size=(count, 1, 3))
-    around *= rng.uniform(1.1, 1.4, (count, 1, 1)) / np.linalg.norm(around, axis=2, keepdims=True)
+    far = rng.uniform(1.1, 1.4, (count, 1, 1)) if away is None else np.reshape(away, (count, 1, 1))
+    around *= far / np.linalg.norm(around, axis=2, keepdims=True)
     points = around + 0.5 * size * np.array([(1, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)])
     corners = np.arange(count)[:, None, None] * 4 + np.array([(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
     is_open = soup.points[soup.triangles].mean(axis=1)[:, 2] < -0.995  # the triangles of a pole
     crumbs = spoiled.Soup(points.reshape(-1, 3), corners.reshape(-1, 3))
     return spoiled.build("Scan", spoiled.joined(spoiled.Soup(soup.points, soup.triangles[~is_open]), crumbs))
+
+
+@pytest.mark.parametrize(
+    ("mending", "told"),
+    [
+        (
+            Mending(),
+            [
+                "Small parts that stay: 2, of at most 3.0% of the size. Set Crumbs to 3.1 to leave them out.",
+                "Small holes that stay: 1, of at most 9.8% of the size. Set Holes to 9.9 to fill them.",
+            ],
+        ),
+        pytest.param(Mending(0.031, 0.099), [], marks=pytest.mark.slow),
+    ],
+)
+def test_what_may_not_be_meant_is_told_with_its_cure(mending, told):
+    """Tetrahedra at the surface, one that floats, and a pole that is open: 2 sin(pi / 32) of 2."""
+    report, low = made([with_crumbs(3, 0.06, [1.0, 1.01, 1.4])], Wanted(triangles=200, mending=mending), SHARP)
+    assert [text for text in report.warnings if "that stay" in text] == told
+    assert all(Sentence.of(text).harm is NOTE for text in report.warnings if "that stay" in text)
+    assert (report.asset["crumbs"], report.asset["holes"]) == ((1, 0) if told else (3, 1))
 
 
 @pytest.mark.slow
@@ -663,7 +686,7 @@ def with_crumbs(count, size):
     [
         (0.015, Mending(0.01, 0.12), 300, 1, (1, 1)),
         (0.015, Mending(0.0, 0.0), 275, 0, (15, 26)),  # 4 of 200 triangles for each of half of them
-        (0.025, Mending(0.01, 0.0), 275, 0, (15, 26)),
+        (0.025, Mending(0.002, 0.0), 275, 0, (15, 26)),
     ],
 )
 def test_crumbs_and_holes_do_not_cost_triangles(size, mending, crumbs, holes, parts):

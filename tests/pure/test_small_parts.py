@@ -38,13 +38,13 @@ def small(scale, place=(5.0, 0.0, 0.0), shape=SQUARE):
 def test_parts_below_a_share_of_the_largest_are_crumbs():
     surface = joined(small(0.099), grid(4), small(0.101), small((0.09, 0.2, 1.0)), small(0.05))
     chosen, count = small_parts.is_crumb(*surface, 0.1)
-    assert count == 2 and np.flatnonzero(chosen).tolist() == [0, 1, 38, 39]
-    assert small_parts.is_crumb(*joined(grid(4), small(0.25)), 0.25)[1] == 0  # of that size itself
+    assert count.mended == 2 and np.flatnonzero(chosen).tolist() == [0, 1, 38, 39]
+    assert small_parts.is_crumb(*joined(grid(4), small(0.25)), 0.25)[1].mended == 0  # of that size itself
 
 
 def test_a_far_crumb_does_not_make_the_rest_small():
     surface = joined(grid(4), small(0.05, (1000.0, 0.0, 0.0)), small(0.2))
-    assert small_parts.is_crumb(*surface, 0.1)[1] == 1
+    assert small_parts.is_crumb(*surface, 0.1)[1].mended == 1
 
 
 @pytest.mark.parametrize(("count", "is_heap"), [(11, False), (12, True)])
@@ -52,13 +52,89 @@ def test_a_heap_of_crumbs_stays(count, is_heap):
     """Eleven of a hundredth of the area are 0.0991 of it, twelve 0.1071."""
     surface = joined(grid(3), *(small(0.1, (number, 2.0, 0.0)) for number in range(count)))
     chosen, found = small_parts.is_crumb(*surface, 0.11)
-    assert (found, chosen.sum()) == ((0, 0) if is_heap else (count, 2 * count))
+    assert (found.mended, chosen.sum()) == ((0, 0) if is_heap else (count, 2 * count))
+
+
+@pytest.mark.parametrize(
+    ("size", "gap", "share", "is_crumb"),
+    [
+        (0.05, 0.026, 0.01, True),
+        (0.05, 0.024, 0.01, False),  # less than half its size away
+        (0.0595, 0.1, 0.01, True),
+        (0.0605, 0.1, 0.01, False),
+        (0.0595, 0.1, 0.1, True),
+        (0.0605, 0.1, 0.02, False),  # a larger share makes no larger parts float
+        (0.0295, 0.1, 0.005, True),
+        (0.0305, 0.1, 0.005, False),
+        (0.01, 0.1, 0.0, False),
+        (0.07, 0.1, 0.0701, True),
+    ],
+)
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_parts_that_float_may_be_larger(size, gap, share, is_crumb, scale):
+    points, triangles = joined(grid(2), small(size, (1.0 + gap, 0.0, 0.0)))
+    chosen, found = small_parts.is_crumb(points * scale, triangles, share)
+    assert found.mended == is_crumb and np.flatnonzero(chosen).tolist() == [8, 9] * is_crumb
+    is_told = not is_crumb and share > 0.0 and size < 0.06 and size < 6.0 * share
+    assert found.stay == is_told and found.largest == pytest.approx(size * is_told)
+
+
+def test_a_part_at_one_that_does_not_float_does_not_either():
+    """A chain of squares, each of 0.05 and 0.02 from the one before."""
+    link = [small(0.05, (1.02 + 0.07 * number, 0.0, 0.0)) for number in range(4)]
+    found = small_parts.is_crumb(*joined(grid(2), *link), 0.01)[1]
+    assert (found.mended, found.stay) == (0, 4) and found.largest == pytest.approx(0.05)
+    assert small_parts.is_crumb(*joined(grid(2), *link[1:]), 0.01)[1].mended == 3
+    crumb = small(0.005, (1.005, 0.0, 0.0)), small(0.05, (1.03, 0.0, 0.0))
+    assert small_parts.is_crumb(*joined(grid(2), *crumb), 0.01)[1].mended == 2  # what is left out holds nothing
+
+
+def test_a_heap_of_parts_that_float_stays_without_a_word():
+    """30 of 0.0036 of the area each are 0.108 of it, 27 are 0.0972; one small one is no heap."""
+    for count, is_heap in ((28, False), (32, True)):
+        parts = [small(0.059, (number, 2.0, 0.0)) for number in range(count)]
+        found = small_parts.is_crumb(*joined(grid(2), *parts, small(0.005, (0.0, 3.0, 0.0))), 0.01)[1]
+        assert (found.mended, found.stay) == ((1, 0) if is_heap else (count + 1, 0)), count
+
+
+@pytest.mark.parametrize(
+    ("cells", "share", "found"),
+    [
+        ([(20, 20), (21, 20), (22, 20), (21, 21)], 0.02, (1, 0, 0.0)),  # a T turns around twice
+        ([(20, 20), (21, 20), (22, 20)], 0.02, (0, 1, 0.06)),  # and a rectangle once
+        ([(20, 20), (21, 20), (22, 20)], 0.061, (1, 0, 0.0)),
+        ([(20, 20), (21, 20), (22, 20)], 0.009, (0, 0, 0.0)),
+        ([(20 + i, 20) for i in range(5)] + [(21, 21)], 0.02, (1, 0, 0.0)),
+        ([(20 + i, 20) for i in range(6)] + [(21, 21)], 0.03, (0, 0, 0.0)),  # of 0.12 itself
+        ([(20, 20), (21, 20), (22, 20), (21, 21), (30, 30)], 0.0, (0, 0, 0.0)),
+        ([(20, 20), (21, 20), (22, 20), (21, 21), (30, 30), (30, 31)], 0.03, (1, 1, 0.04)),
+    ],
+)
+def test_ragged_holes_may_be_larger(cells, share, found):
+    small_ones = small_parts.filled(*grid(50, set(cells)), share)[2]
+    assert (small_ones.mended, small_ones.stay) == found[:2] and small_ones.largest == pytest.approx(found[2])
+
+
+@pytest.mark.parametrize(
+    ("more", "found"),
+    [
+        ([], (13, 0)),
+        ([(0, -1), (2, -1)], (1, 0)),
+        ([(0, 1), (2, 1), (0, 2), (1, 2), (2, 2)], (1, 0)),
+    ],
+)
+def test_ragged_holes_of_more_than_a_tenth_of_a_part_stay_but_not_the_small_ones(more, found):
+    """Twelve of 4, 6 or 9 of the 784 cells, and one of a cell: 0.067, 0.103 and 0.161 of the rest."""
+    shape = [(0, 0), (1, 0), (2, 0), (1, 1), *more]
+    cells = {(i + x, j + y) for i in (2, 8, 14, 20) for j in (2, 8, 14) for x, y in shape}
+    holes = small_parts.filled(*grid(28, {*cells, (26, 26)}), 0.04)[2]
+    assert (holes.mended, holes.stay) == found
 
 
 def test_nothing_has_neither_crumbs_nor_holes():
     points, triangles = np.zeros((0, 3)), np.zeros((0, 3), int)
-    assert small_parts.is_crumb(points, triangles, 0.1)[1] == 0
-    assert small_parts.filled(points, triangles, 0.1)[2] == 0
+    assert small_parts.is_crumb(points, triangles, 0.1)[1].mended == 0
+    assert small_parts.filled(points, triangles, 0.1)[2].mended == 0
 
 
 def test_the_largest_parts_have_room_for_their_least_triangles():
@@ -80,8 +156,8 @@ def test_the_largest_parts_have_room_for_their_least_triangles():
 def test_holes_are_closed_and_borders_are_not(share, area, borders, found):
     """Holes of one cell, of 2 x 1, and two of one cell that touch in a corner, which count as one of two by two."""
     points, triangles = grid(10, {(2, 2), (5, 3), (6, 3), (7, 7), (6, 6)})
-    new, faces, count = small_parts.filled(points, triangles, share)
-    assert count == len(new) - len(points) == found
+    new, faces, holes = small_parts.filled(points, triangles, share)
+    assert holes.mended == len(new) - len(points) == found
     assert face_areas(new, faces).sum() == pytest.approx(area)
     new, faces = weld(new, faces)  # where holes touch, the middle of both can be a vertex
     assert len(EdgeTable.of(faces).alone) == borders
@@ -96,9 +172,9 @@ def test_a_sieve_keeps_its_holes(every, found):
     holes = {(i, j) for i in range(1, 12, every) for j in range(1, 12, every)}
     points, triangles = grid(12, holes)
     assert len(holes) == found or len(holes) == 16
-    assert small_parts.filled(points, triangles, 0.2)[2] == found
+    assert small_parts.filled(points, triangles, 0.2)[2].mended == found
     other = joined((points, triangles), small(9.0, (20.0, 0.0, 0.0)))  # whose area does not count
-    assert small_parts.filled(*other, 0.2)[2] == found
+    assert small_parts.filled(*other, 0.2)[2].mended == found
 
 
 def test_the_ends_of_a_tube_are_no_holes():
@@ -108,18 +184,18 @@ def test_the_ends_of_a_tube_are_no_holes():
     points = np.concatenate([np.insert(ring, 2, height, axis=1) for height in (0.0, 1.0)])
     one, two = np.arange(12), np.roll(np.arange(12), -1)
     triangles = np.concatenate([np.stack([one, two, two + 12], axis=1), np.stack([one, two + 12, one + 12], axis=1)])
-    assert small_parts.filled(points, triangles, 0.2)[2] == 0
+    assert small_parts.filled(points, triangles, 0.2)[2].mended == 0
 
 
 def test_a_hole_of_a_ball_is_closed_from_outside():
     points = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
     corners = [(i, j, k) for i in (0, 1) for j in (2, 3) for k in (4, 5)]
     triangles = np.array([(a, b, c) if np.linalg.det(points[[a, b, c]]) > 0 else (a, c, b) for a, b, c in corners])
-    assert small_parts.filled(points, triangles[1:], 0.9)[2] == 0  # half of the part
+    assert small_parts.filled(points, triangles[1:], 0.9)[2].mended == 0  # half of the part
     other = joined((points, triangles[1:]), small(100.0, (50.0, 0.0, 0.0)))
-    assert small_parts.filled(*other, 0.9)[2] == 0  # beside a large part as well
+    assert small_parts.filled(*other, 0.9)[2].mended == 0  # beside a large part as well
     fine = joined((points * 0.2 + (0.5, 0.5, 0.5), triangles), grid(2))
-    assert small_parts.filled(*fine, 0.9)[2] == 0  # nothing is open but the grid
+    assert small_parts.filled(*fine, 0.9)[2].mended == 0  # nothing is open but the grid
 
 
 def test_a_sphere_with_a_hole_encloses_its_volume_again():
@@ -133,10 +209,10 @@ def test_a_sphere_with_a_hole_encloses_its_volume_again():
         here, right = np.arange(2 * n) + 2 * n * k, (np.arange(2 * n) + 1) % (2 * n) + 2 * n * k
         faces += [np.stack([here, here + 2 * n, right], axis=1), np.stack([right, here + 2 * n, right + 2 * n], axis=1)]
     triangles = np.concatenate(faces)
-    points, closed, count = small_parts.filled(belt, triangles, 0.4)  # both caps are 0.52 / 2 wide
-    assert count == 2 and EdgeTable.of(closed).counts.tolist() == [2] * len(EdgeTable.of(closed).counts)
+    points, closed, holes = small_parts.filled(belt, triangles, 0.4)  # both caps are 0.52 / 2 wide
+    assert holes.mended == 2 and EdgeTable.of(closed).counts.tolist() == [2] * len(EdgeTable.of(closed).counts)
     assert enclosed_volumes(points, closed).sum() / 6.0 > 3.9
-    assert small_parts.filled(belt, triangles, 0.25)[2] == 0
+    assert small_parts.filled(belt, triangles, 0.25)[2].mended == 0
 
 
 def test_a_slit_without_an_area_gets_no_triangles():
@@ -155,4 +231,4 @@ def test_order_changes_nothing(seed):
     assert np.array_equal(
         small_parts.is_crumb(points, mixed, 0.1)[0], small_parts.is_crumb(points, triangles, 0.1)[0][order]
     )
-    assert small_parts.filled(points, mixed, 0.3)[2] == small_parts.filled(points, triangles, 0.3)[2] == 2
+    assert small_parts.filled(points, mixed, 0.3)[2].mended == small_parts.filled(points, triangles, 0.3)[2].mended == 2

@@ -114,13 +114,13 @@ ASSET: dict[str, Setting] = {
     ),
     "asset_crumbs": Text(
         label="Crumbs (%)",
-        tooltip="Parts below this size, in percent of the largest part, are left out",
+        tooltip="Parts below this percentage of the largest are left out, floating ones below 6 times it",
         default=str(asset_limits.CRUMBS),
         option=None,
     ),
     "asset_holes": Text(
         label="Holes (%)",
-        tooltip="Holes below this size, in percent of the largest part, are filled",
+        tooltip="Holes below this percentage of the largest part are filled, ragged ones below 6 times it",
         default=str(asset_limits.HOLES),
         option=None,
     ),

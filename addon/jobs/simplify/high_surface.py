@@ -25,6 +25,7 @@ from ...mesh.closest import Surface
 from ...mesh.edges import is_without_area
 from ...mesh.fitting import Samples, surface_samples
 from ...mesh.mirrors import Plane
+from ...mesh.small_parts import NOTHING_SMALL, Small
 from ...mesh.topology import EdgeTable
 from ...mesh.triangles import diagonal, enclosed_volumes, face_areas, transformed
 from ...mesh.welding import ClusterOptions, cluster, weld
@@ -69,8 +70,8 @@ class HighSurface:
         bad_edge_share: Of the edges, as EdgeTable.bad_edge_share.
         edge: The side of a triangle of middle size, in scene units.
         count: The triangles of the high objects, before any are thinned.
-        crumbs: The parts that were left out.
-        holes: Those that were filled.
+        crumbs: Its small parts, of which some were left out.
+        holes: The small holes, of which some were filled.
         mirror: In which it is its own mirror image, so that low meshes may be, too; None for none, or where all sources are
             halves.
         loses_planes: Whether low meshes could keep its planes, but for the symmetry that was asked for.
@@ -85,8 +86,8 @@ class HighSurface:
     bad_edge_share: float
     edge: float
     count: int
-    crumbs: int = 0
-    holes: int = 0
+    crumbs: Small = NOTHING_SMALL
+    holes: Small = NOTHING_SMALL
     mirror: Plane | None = None
     loses_planes: bool = False
 
