@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core import threads
 from ..core.errors import BakeError
 from . import topology
 from .closest import Surface
 from .topology import EdgeTable, sums_of
-from .triangles import barycentric, checked, closest_points, face_normals, unit_normals
+from .triangles import PLACES_AT_ONCE, barycentric, checked, closest_points, dot, face_normals, unit_normals
 
 GRADIENT_STEPS = 60
 """Of conjugate gradients in a round, at most."""
@@ -196,24 +197,41 @@ class _Beside:
         corners = points[self.triangles]
         middles = corners.mean(axis=1)
         radii = np.sqrt(((corners - middles[:, None]) ** 2).sum(axis=2).max(axis=1))
+        triangles, nearest_points = known.copy(), np.empty(places.shape, np.result_type(places, corners))
+
+        def find(part: slice) -> None:
+            triangles[part], nearest_points[part] = self._closest(places[part], known[part], corners, (middles, radii))
+
+        threads.for_blocks(len(places), find, PLACES_AT_ONCE)
+        return triangles, nearest_points
+
+    def _closest(
+        self, places: np.ndarray, known: np.ndarray, corners: np.ndarray, spheres: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `closest`, of some places. corners: (T, 3, 3). spheres: around the triangles, middles (T, 3) and radii (T,)."""
         nearest_points = closest_points(places, corners[known])
-        far = ((nearest_points - places) ** 2).sum(axis=1)
+        far = _squares(nearest_points - places)
         counts = self.firsts[known + 1] - self.firsts[known]
         others = self.beside[topology.ranges(self.firsts[known], counts)]
         which = np.repeat(np.arange(len(known)), counts)
         # No triangle is nearer than the sphere around it.
-        away = places[which] - middles[others]
-        is_near = (away * away).sum(axis=1) <= (np.sqrt(far[which]) * ROUNDING_FACTOR + radii[others]) ** 2
-        is_near &= others != known[which]
+        away = _squares(np.take(places, which, axis=0) - np.take(spheres[0], others, axis=0))
+        is_near = away <= (np.take(np.sqrt(far) * ROUNDING_FACTOR, which) + np.take(spheres[1], others)) ** 2
+        is_near &= others != np.take(known, which)
         which, others = which[is_near], others[is_near]
         here = places[which]
         ways = closest_points(here, corners[others])
-        squares = ((ways - here) ** 2).sum(axis=1)
+        squares = _squares(ways - here)
         order = np.argsort(-squares, kind="stable")  # so that the nearest one of each place comes last
         order = order[squares[order] < far[which[order]]]
         triangles = known.copy()
         triangles[which[order]], nearest_points[which[order]] = others[order], ways[order]
         return triangles, nearest_points
+
+
+def _squares(vectors: np.ndarray) -> np.ndarray:
+    """The squares (N,) of the lengths of vectors (N, 3)."""
+    return dot(vectors.T, vectors.T)
 
 
 class _System:

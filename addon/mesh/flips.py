@@ -166,7 +166,8 @@ class _Flips:
 
 def _squares(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """The squared distances (N,) of places (N, 3) from a triangle (N, 3, 3) each."""
-    return ((closest_points(places, corners) - places) ** 2).sum(axis=1)
+    away = (closest_points(places, corners) - places).T
+    return dot(away, away)
 
 
 def _is_good(points: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:

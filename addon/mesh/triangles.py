@@ -11,10 +11,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import DTypeLike
 
+from ..core import threads
 from ..core.errors import BakeError
 
 Axes: TypeAlias = "np.ndarray | tuple[np.ndarray, ...]"
 """Vectors, one array for each axis, or (3, ...)."""
+PLACES_AT_ONCE = 2**12
+"""Places whose closest points are found together, so that what is between fits in a processor's cache."""
 
 
 def checked(points: np.ndarray, triangles: np.ndarray, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -121,25 +124,33 @@ def closest_points(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
         places: (N, 3).
         corners: (N, 3, 3), of a triangle for each place.
     """
-    best, far, outside = None, None, np.zeros(len(places), bool)
-    ends = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    result = np.empty(places.shape, np.result_type(places, corners))
+
+    def find(part: slice) -> None:
+        result[part] = _closest_points(places[part], corners[part])
+
+    threads.for_blocks(len(places), find, PLACES_AT_ONCE)
+    return result
+
+
+def _closest_points(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    ends, place = np.ascontiguousarray(corners.transpose(1, 2, 0)), np.ascontiguousarray(places.T)
     a = ends[0]
     normal = np.stack(cross(ends[1] - a, ends[2] - a))
     area = dot(normal, normal)
-    place = np.ascontiguousarray(places.T)
+    best, far, outside = a.copy(), np.full(len(places), np.inf, ends.dtype), np.zeros(len(places), bool)
     for number in range(3):
         start, along = ends[number], ends[(number + 1) % 3] - ends[number]
         away = place - start
         outside |= dot(cross(normal, along), away) < 0.0
         length = dot(along, along)
         share = np.clip(dot(away, along) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-        on_edge = start + along * share
-        squares = dot(on_edge - place, on_edge - place)
-        if best is None:
-            best, far = on_edge, squares
-        else:
-            nearer = squares < far
-            best, far = np.where(nearer, on_edge, best), np.where(nearer, squares, far)
+        along *= share
+        along += start  # now the point on the edge
+        away = along - place
+        squares = dot(away, away)
+        np.copyto(best, along, where=squares < far)
+        np.minimum(far, squares, out=far)
     height = dot(normal, place - a) / np.where(area > 0.0, area, 1.0)
     inside = ~outside & (area > 0.0)
     return np.where(inside, place - normal * height, best).T
