@@ -192,8 +192,8 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
 
 
 class _Aside(ExitStack):
-    """The levels of detail of an earlier press: without their names as long as new ones are made, then removed. If these fail,
-    they have their names again."""
+    """The levels of detail of an earlier press, and the materials that they alone wear: without their names as long as new ones
+    are made, then removed. If these fail, they have their names again."""
 
     def put(self, collection: bpy.types.Collection, names: Sequence[str]) -> None:
         """Put the levels of these names in a collection aside."""
@@ -202,19 +202,28 @@ class _Aside(ExitStack):
             if obj is not None and obj.type == "MESH" and obj.is_editable:
                 before = name, obj.data.name
                 obj.name = obj.data.name = temporary.TEMPORARY
-                self.push(partial(self._end, ObjectRef.of(obj), before))
+                own = next((each for each in obj.data.materials if each and (each.name, each.users) == (name, 1)), None)
+                if own is not None:
+                    own.name = temporary.TEMPORARY
+                self.push(partial(self._end, ObjectRef.of(obj), before, own and own.name))
 
     @staticmethod
-    def _end(ref: ObjectRef, names: tuple[str, str], failed: type[BaseException] | None, *_: object) -> None:
+    def _end(
+        ref: ObjectRef, names: tuple[str, str], material: str | None, failed: type[BaseException] | None, *_: object
+    ) -> None:
         obj = ref.find()
         if obj is None:
             return
+        own = [each for each in obj.data.materials if each and each.name == material]
         if failed is not None:
             obj.name, obj.data.name = names
+            for each in own:
+                each.name = names[0]
         elif obj.data.users > 1:
             bpy.data.objects.remove(obj)
         else:
             bpy.data.meshes.remove(obj.data)  # and the object with it
+            bpy.data.batch_remove([each for each in own if not each.users])
 
 
 @dataclass(frozen=True)

@@ -745,6 +745,7 @@ def test_a_second_press_takes_the_place_of_the_levels_of_the_first(owns_textures
     names = [report.low for report in finish(task([ball], wanted))]
     first = bpy.data.objects[names[1]].data
     first.name = "Edited"
+    materials = {each.name: each.session_uid for each in bpy.data.materials}
     meshes = sorted(each.name for each in bpy.data.meshes)
     low = asset.known_low(bpy.context, [ball], Suffixes())
     cancelled = task([ball], wanted, low=low)
@@ -752,11 +753,26 @@ def test_a_second_press_takes_the_place_of_the_levels_of_the_first(owns_textures
     assert bpy.data.objects[names[1]].data != first
     cancelled.close()
     assert bpy.data.objects[names[1]].data == first and first.name == "Edited"
+    assert {each.name: each.session_uid for each in bpy.data.materials} == materials
     assert sorted(each.name for each in bpy.data.meshes) == meshes
     assert [report.low for report in finish(task([ball], wanted, low=low))] == names
     assert [each.name for each in bpy.data.collections["Ball_low_LODs"].objects] == names
     assert sorted(each.name for each in bpy.data.objects) == ["Ball", *names]
     assert len(bpy.data.collections) == 1 and len(bpy.data.meshes) == 4
+    assert sorted(each.name for each in bpy.data.materials) == ["Ball_low", *(names[1:] if owns_textures else [])]
+
+
+@pytest.mark.slow
+def test_a_material_that_others_wear_stays_after_a_second_press():
+    ball, wanted = zoo.ball("Ball", 12), Wanted(triangles=200, levels=1, owns_textures=True)
+    level = bpy.data.objects[finish(task([ball], wanted))[1].low]
+    worn = level.data.materials[0]
+    zoo.cube("Box").data.materials.append(worn)
+    low = asset.known_low(bpy.context, [ball], Suffixes())
+    finish(task([ball], wanted, low=low))
+    assert worn.name == "Ball_low_LOD1" and [each.name for each in bpy.data.objects["Box"].data.materials] == [
+        worn.name
+    ]
 
 
 def test_levels_have_the_materials_of_the_faces_of_a_low_mesh():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import small_parts
+from addon.mesh.small_parts import Small
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import enclosed_volumes, face_areas
 from addon.mesh.welding import weld
@@ -115,6 +116,31 @@ def test_ragged_holes_may_be_larger(cells, share, found):
     assert (small_ones.mended, small_ones.stay) == found[:2] and small_ones.largest == pytest.approx(found[2])
 
 
+@pytest.mark.parametrize(("degrees", "found"), [(80.0, (1, 0)), (100.0, (0, 1))])
+def test_a_border_is_ragged_from_one_and_a_half_turns_on(degrees, found):
+    """An L in a grid of parallelograms with an angle a turns by 2 a + 4 (180 - a): 1.56 and 1.44 times around."""
+    points, triangles = grid(50, {(20, 20), (21, 20), (20, 21)})
+    points[:, 0] += points[:, 1] / np.tan(np.radians(degrees))
+    holes = small_parts.filled(points, triangles, 0.02)[2]
+    assert (holes.mended, holes.stay) == found
+
+
+@pytest.mark.parametrize(("cells", "is_filled"), [(24, True), (25, False), (26, False)])
+def test_a_hole_is_less_than_half_as_large_as_its_part(cells, is_filled):
+    found = small_parts.filled(*grid(50, {(5 + number, 20) for number in range(cells)}), 0.6)[2]
+    assert found == Small(int(is_filled))
+
+
+def test_borders_at_which_edges_of_three_triangles_end_stay():
+    """A fin at the edge between two cells, one of whose ends is a corner of a hole."""
+    points, triangles = grid(10, {(2, 2), (7, 7)})
+    fin = np.array([[3 * 11 + 3, 4 * 11 + 3, len(points)]])
+    points, triangles = np.concatenate([points, [(0.3, 0.35, 0.01)]]), np.concatenate([fin, triangles])
+    new, closed, holes = small_parts.filled(points, triangles, 0.11)
+    assert holes == Small(1) and new[-1] == pytest.approx((0.75, 0.75, 0.0))
+    assert face_areas(new, closed[-4:]).sum() == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize(
     ("more", "found"),
     [
@@ -133,8 +159,8 @@ def test_ragged_holes_of_more_than_a_tenth_of_a_part_stay_but_not_the_small_ones
 
 def test_nothing_has_neither_crumbs_nor_holes():
     points, triangles = np.zeros((0, 3)), np.zeros((0, 3), int)
-    assert small_parts.is_crumb(points, triangles, 0.1)[1].mended == 0
-    assert small_parts.filled(points, triangles, 0.1)[2].mended == 0
+    assert small_parts.is_crumb(points, triangles, 0.1)[1] == Small(0, 0, 0.0)
+    assert small_parts.filled(points, triangles, 0.1)[2] == Small(0, 0, 0.0)
 
 
 def test_the_largest_parts_have_room_for_their_least_triangles():
@@ -145,6 +171,8 @@ def test_the_largest_parts_have_room_for_their_least_triangles():
         assert np.array_equal(chosen, np.isin(part, kept)) and left_out == 4 - len(kept), most
     for wanted, kept in ((4, [1]), (16, [1, 2, 3]), (12, [1, 2]), (20, [0, 1, 2, 3])):
         assert np.array_equal(small_parts.largest(*surface, wanted, 0.5)[0], np.isin(part, kept)), wanted
+    equal = joined(*(small(1.0, (2.0 * number, 0.0, 0.0)) for number in range(5)))  # 0.9 of two triangles are 9 / 5
+    assert [small_parts.largest(*equal, wanted, 0.5)[1] for wanted in (8, 9)] == [3, 0]
     twins = joined(small(1.0), small(1.0, (0.0, 9.0, 0.0)))
     assert [small_parts.largest(*twins, 4, share)[1] for share in (0.5, 0.49)] == [0, 1]
 
