@@ -129,7 +129,8 @@ def _direction_warnings(meshes: Meshes, tally: Tally, map_settings: MapSettings)
         text = f"The map is flat: nothing of {names} differs from {low!r}. Is that the right high object?"
         if meshes.is_own_base:
             text = (
-                f"The map is flat: neither modifiers nor materials of {low!r} change its normals. Choose a high object."
+                f"The map is flat: neither modifiers nor materials of {low!r} change its normals. Choose a high object, or "
+                "other maps."
             )
         yield Sentence(text, LOOK, severity.FLAT, 1.0)
 

@@ -14,7 +14,7 @@ from typing import Any
 from ..core.errors import warn_of_former
 from ..core.naming import did_you_mean
 from . import arguments, option_types
-from .commands import WrongUsage
+from .commands import ASSET, LOD, WrongUsage
 from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, CommandOption
 from .run_report import STDOUT, ranges
 
@@ -60,6 +60,9 @@ def _check_known(written: str, known: Collection[str]) -> str:
         return key
     if key in RUN_OPTIONS:
         raise WrongUsage(f"unknown key {written!r}: it works only on the command line")
+    for command in (ASSET, LOD):
+        if key in command.options:
+            raise WrongUsage(f"unknown key {written!r}: it is for the command {command.name}, which no job file calls")
     raise WrongUsage(f"unknown key {written!r}{did_you_mean([key], known)}")
 
 

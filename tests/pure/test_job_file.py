@@ -379,6 +379,14 @@ FAULTS = {
     "misspelt sets": ("[[bakes]]\nlow='a'", ": unknown key 'bakes', did you mean 'bake'?"),
     "a word for an option": (FIRST + "jobs = 'x.toml'", "set 1: unknown key 'jobs'"),
     "an option of the run": (FIRST + "workers = 4", "set 1: unknown key 'workers': it works only on the command line"),
+    "an option of asset": (
+        FIRST + "own-textures = true",
+        "set 1: unknown key 'own-textures': it is for the command asset, which no job file calls",
+    ),
+    "an option of lod": (
+        FIRST + "triangles = '50%'",
+        "set 1: unknown key 'triangles': it is for the command asset, which no job file calls",
+    ),
     "a key before the sets": ("max_distance = 4\n" + FIRST, ": 'max_distance' belongs into 'defaults' or a set"),
     "slashes of Windows": ('[[bake]]\nfile="maps\\a.blend"', "Unescaped '\\' in a string"),
     "how slashes of Windows are written": ('[[bake]]\nfile="maps\\w.blend"', r"Write paths with /, or with \\"),
