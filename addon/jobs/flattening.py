@@ -24,8 +24,9 @@ from . import temporary
 
 ANGLES, STRETCH = "ANGLE_BASED", "MINIMUM_STRETCH"
 """Blender's ways: quick, and with less stretch; the second one does not fold."""
-ITERATIONS = 12
-"""Of the second way: 40 leave no less stretch that shows."""
+ITERATIONS, FEWEST, MANY = 12, 6, 15000
+"""Of the second way: 40 leave no less stretch that shows. Fewer for many faces, but at least the second number, so that both
+multiplied are at most the third one: a step must be short, and of large charts little stretch is left."""
 AT_ONCE = 3000
 """Faces that Blender unwraps in one step, about."""
 LEAST = 0.002
@@ -262,7 +263,7 @@ class Flattener:
             try:
                 with editing(obj):
                     bpy.ops.uv.unwrap(
-                        method=method, fill_holes=False, correct_aspect=False, margin=0.0, **_more(method)
+                        method=method, fill_holes=False, correct_aspect=False, margin=0.0, **_more(method, len(faces))
                     )
             except RuntimeError:  # an operator that cannot work says so in this way
                 return None
@@ -309,8 +310,8 @@ class Flattener:
         return replace(one, uv=uv, stretch=np.where(chosen, other.stretch, one.stretch))
 
 
-def _more(method: str) -> dict[str, int]:
-    return {"iterations": ITERATIONS} if method == STRETCH else {}
+def _more(method: str, faces: int) -> dict[str, int]:
+    return {"iterations": max(FEWEST, min(ITERATIONS, MANY // faces))} if method == STRETCH else {}
 
 
 def _same(labels: np.ndarray, others: np.ndarray) -> np.ndarray:

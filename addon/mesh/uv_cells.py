@@ -68,7 +68,7 @@ class Shapes:
         owner = np.append(runs.owner, runs.owner[again])
         parts = (power * 8 + bits % 8) * (strip[1] * wide) + bits // 8
         scattered = np.arange(len(parts)) * 0.618034 % 1.0  # so that the first few are from everywhere
-        order = np.lexsort((scattered, owner))
+        order = np.argsort(owner + scattered)
         self.parts = parts[order]
         self.cuts = np.searchsorted(owner[order], np.arange(count + 1))
         self.run_cuts = np.searchsorted(runs.owner, np.arange(count + 1))
@@ -92,6 +92,8 @@ class Strip:
         self._moved = self._table[: powers * 8 * each].reshape(powers, 8, each)
         self._parts = np.lib.stride_tricks.as_strided(self._table, (powers * 8 * each, each), (1, 1), writeable=False)
         self._outside: dict[int, np.ndarray] = {}
+        cells = np.arange(8 * self.wide)
+        self._before = np.packbits(cells < np.append(cells, 8 * self.wide)[:, None], axis=1, bitorder="little")
 
     def first_free(self, shapes: Shapes, shape: int, limit: float) -> tuple[int, int] | None:
         """The first cell (along u and v) of the lowest place where the shape is free, in the rows below a limit."""
@@ -140,10 +142,13 @@ class Strip:
         high, gap, wide = int(shapes.sizes[shape, 1]), self.gap, self.wide
         columns = column + runs.column[part]
         start, stop = np.maximum(columns - gap, 0), np.minimum(columns + runs.length[part] + gap, 8 * wide)
-        rows = runs.row[part] * (8 * wide + 1)
-        steps = np.bincount(rows + start, minlength=high * (8 * wide + 1)).astype(np.int16)
-        steps -= np.bincount(rows + stop, minlength=len(steps)).astype(np.int16)
-        lines = np.packbits(np.cumsum(steps).reshape(high, -1)[:, :-1] > 0, axis=1, bitorder="little")
+        rows = runs.row[part]
+        order = np.argsort(rows, kind="stable")
+        begins = np.flatnonzero(np.diff(rows[order], prepend=-1))
+        lines = np.zeros((high, wide), np.uint8)
+        if len(order):
+            cells = self._before[stop[order]] ^ self._before[start[order]]
+            lines[rows[order[begins]]] = np.bitwise_or.reduceat(cells, begins)
         taken = np.zeros((high + 2 * gap, wide), np.uint8)
         for step in range(2 * gap + 1):
             taken[step : step + high] |= lines
@@ -178,64 +183,120 @@ def _bytes(side: int) -> int:
     return (side + 7) // 8
 
 
-def rasterize(corners: np.ndarray, owner: np.ndarray, sizes: np.ndarray) -> Runs:
-    """The cells that triangles touch.
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """The borders of shapes, which say all about what shapes cover, with far fewer points than their triangles.
+
+    Attributes:
+        points: (P, 2) float64, at least one for each shape.
+        of: (P,) int, their shapes, ascending.
+        sides: (S, 2) int, from which point to which one: the shape is on their left.
+        layers: (S,) int, how many triangles more of the shape lie on each other on the left than on the right.
+    """
+
+    points: np.ndarray
+    of: np.ndarray
+    sides: np.ndarray
+    layers: np.ndarray
+
+    @classmethod
+    def around(cls, corners: np.ndarray, owner: np.ndarray) -> "Outlines":
+        """Of triangles.
+
+        Args:
+            corners: (T, 3, 2) float.
+            owner: (T,) int from 0, the shape of each, ascending; each has some.
+        """
+        # All are turned so that their sides run around them to the left: then no two cancel what both cover.
+        (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        is_turned = ux * vy < uy * vx
+        corners = np.where(is_turned[:, None, None], corners[:, ::-1], corners).astype(np.float64) + 0.0  # no -0
+        flat = corners.reshape(-1, 2)
+        same = topology.first_rows(np.column_stack([flat, np.repeat(owner, 3)]))
+        first, last = same, np.roll(same.reshape(-1, 3), -1, axis=1).reshape(-1)
+        keys, which = np.unique(topology.edge_keys(first, last, len(flat)), return_inverse=True)
+        layers = np.bincount(which.reshape(-1), np.sign(last - first), len(keys)).astype(np.int64)
+        low, high = np.divmod(keys[layers != 0], len(flat))
+        layers = layers[layers != 0]
+        ends = np.where((layers > 0)[:, None], np.stack([low, high], axis=1), np.stack([high, low], axis=1))
+        # And one point for each, which lies on it if nothing else does.
+        alone = same[3 * np.flatnonzero(np.diff(owner, prepend=-1))]
+        ends, layers = np.concatenate([ends, np.stack([alone, alone], axis=1)]), np.append(np.abs(layers), 0 * alone)
+        used, sides = topology.numbered(ends)
+        return cls(flat[used], owner[used // 3], sides, layers)
+
+    def chosen(self, shapes: np.ndarray) -> "Outlines":
+        """Those of the chosen shapes (I,) bool, numbered anew."""
+        kept, new = shapes[self.of], np.cumsum(shapes) - 1
+        some = kept[self.sides[:, 0]]
+        sides = (np.cumsum(kept) - 1)[self.sides[some]]
+        return Outlines(self.points[kept], new[self.of[kept]], sides, self.layers[some])
+
+    def with_boxes(self, sizes: np.ndarray) -> "Outlines":
+        """These, and boxes (N, 2) from 0 on as more shapes."""
+        count = len(sizes)
+        corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        number = np.arange(4 * count) + len(self.points)
+        following = np.roll(number.reshape(-1, 4), -1, axis=1).reshape(-1)
+        return Outlines(
+            np.concatenate([self.points, (sizes[:, None] * corners).reshape(-1, 2)]),
+            np.append(self.of, np.repeat(np.arange(count), 4) + int(self.of.max(initial=-1)) + 1),
+            np.concatenate([self.sides, np.stack([number, following], axis=1)]),
+            np.append(self.layers, np.ones(4 * count, np.int64)),
+        )
+
+    def boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and the highest u and v (I, 2) of each shape."""
+        begins = np.flatnonzero(np.diff(self.of, prepend=-1))
+        return np.minimum.reduceat(self.points, begins), np.maximum.reduceat(self.points, begins)
+
+
+def rasterize(outlines: Outlines, sizes: np.ndarray) -> Runs:
+    """The cells that shapes touch: those that sides touch, and those whose middle is inside.
 
     Args:
-        corners: (T, 3, 2) float, in cells from the first of their shape.
-        owner: (T,) int, their shapes, ascending.
-        sizes: (I, 2) int, the cells of each shape along u and v; what is beyond counts as inside.
+        outlines: with points in cells from the first of their shape.
+        sizes: (I, 2) int, the cells of each shape along u and v; what is beyond counts as in the last ones.
     """
-    columns = sizes[:, 0] + 1  # the last one is empty, so that runs end
-    length = columns * sizes[:, 1]
-    begins = np.cumsum(length) - length
-    triangle, row, first, last = spans(corners, sizes[owner, 1])
-    of = owner[triangle]
-    row = np.clip(row, 0, sizes[of, 1] - 1)
-    start = np.clip(first, 0, sizes[of, 0] - 1).astype(np.int64)
-    stop = np.clip(last, 0, sizes[of, 0] - 1).astype(np.int64) + 1
-    at, total = begins[of] + row * columns[of], int(length.sum())
-    steps = np.bincount(at + start, minlength=total) - np.bincount(at + stop, minlength=total)
-    return _runs(np.cumsum(steps) > 0, begins, columns)
+    start, stop = outlines.points[outlines.sides[:, 0]], outlines.points[outlines.sides[:, 1]]
+    of = outlines.of[outlines.sides[:, 0]]
+    rows, lines = sizes[of, 1], (np.cumsum(sizes[:, 1]) - sizes[:, 1])[of]
+    (x, y), (dx, dy) = start.T, (stop - start).T
+    low, high = np.minimum(y, y + dy), np.maximum(y, y + dy)
+    slope = np.divide(dx, dy, out=np.zeros_like(dx), where=dy != 0.0)
+    # Where sides begin and end in each row.
+    bottom, top = (np.clip(np.floor(end), 0, rows - 1).astype(np.int64) for end in (low, high))
+    side, row = np.repeat(np.arange(len(of)), top - bottom + 1), topology.ranges(bottom, top - bottom + 1)
+    below = np.where(row == 0, -np.inf, row)
+    above = np.where(row == rows[side] - 1, np.inf, row + 1.0)
+    ends = [x[side] + (np.clip(end, low[side], high[side]) - y[side]) * slope[side] for end in (below, above)]
+    ends[1] = np.where(dy[side] == 0.0, (x + dx)[side], ends[1])
+    columns = sizes[of[side], 0]
+    first, last = (
+        np.clip(np.floor(end), 0, columns - 1).astype(np.int64) for end in (np.minimum(*ends), np.maximum(*ends))
+    )
+    line = lines[side] + row
+    # Where the middles of each row are inside: between the sides that cross it.
+    bottom, top = (np.clip(np.ceil(end - 0.5), 0, rows).astype(np.int64) for end in (low, high))
+    side, row = np.repeat(np.arange(len(of)), top - bottom), topology.ranges(bottom, top - bottom)
+    cross, across = x[side] + (row + 0.5 - y[side]) * slope[side], lines[side] + row
+    order = np.lexsort((cross, across))
+    inside = np.cumsum((-np.sign(dy) * outlines.layers).astype(np.int64)[side[order]])[:-1] != 0
+    begins = np.clip(np.ceil(cross[order] - 0.5), 0, sizes[of[side[order]], 0]).astype(np.int64)
+    inside &= begins[1:] > begins[:-1]
+    line = np.append(line, across[order][:-1][inside])
+    first, last = np.append(first, begins[:-1][inside]), np.append(last + 1, begins[1:][inside])
+    return _joined(line, first, last, sizes)
 
 
-def transposed(runs: Runs, sizes: np.ndarray) -> Runs:
-    """The same cells with rows and columns swapped. sizes (I, 2) int: of the shapes before."""
-    columns = sizes[:, 1] + 1
-    length = columns * sizes[:, 0]
-    begins = np.cumsum(length) - length
-    mask = np.zeros(int(length.sum()), bool)
-    column, of = topology.ranges(runs.column, runs.length), np.repeat(runs.owner, runs.length)
-    mask[begins[of] + column * columns[of] + np.repeat(runs.row, runs.length)] = True
-    return _runs(mask, begins, columns)
-
-
-def _runs(mask: np.ndarray, begins: np.ndarray, columns: np.ndarray) -> Runs:
-    """The runs of masks one after the other. begins, columns (I,) int: where that of each shape begins, and its columns."""
-    starts, lengths = topology.runs(mask)
-    owner = np.searchsorted(begins, starts, side="right") - 1
-    row, column = np.divmod(starts - begins[owner], columns[owner])
-    return Runs(owner, row, column, lengths)
-
-
-def spans(corners: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The rows of cells that triangles (T, 3, 2) touch, at most so many (T,) of each: the triangle, the row, and where the
-    triangle begins and ends in it."""
-    bottom, top = np.floor(corners[:, :, 1].min(axis=1)), np.floor(corners[:, :, 1].max(axis=1))
-    count = np.minimum(top - bottom + 1, most).astype(np.int64)
-    triangle = np.repeat(np.arange(len(corners)), count)
-    row = topology.ranges(bottom.astype(np.int64), count)
-    first, last = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        (x, y), (dx, dy) = corners[:, a].T, (corners[:, b] - corners[:, a]).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(dy == 0.0, 0.0, dx / dy)
-        low, high = np.minimum(y, y + dy)[triangle], np.maximum(y, y + dy)[triangle]
-        meets = (low < row + 1.0) & (high >= row)
-        x, y, slope = x[triangle], y[triangle], slope[triangle]
-        ends = [x + (np.clip(row + step, low, high) - y) * slope for step in (0.0, 1.0)]
-        flat = (dy == 0.0)[triangle]
-        ends[1] = np.where(flat, x + dx[triangle], ends[1])
-        first = np.where(meets, np.minimum(first, np.minimum(*ends)), first)
-        last = np.where(meets, np.maximum(last, np.maximum(*ends)), last)
-    return triangle, row, first, last
+def _joined(line: np.ndarray, first: np.ndarray, last: np.ndarray, sizes: np.ndarray) -> Runs:
+    """The runs of cells from `first` on, up to before `last`, (N,) int each, in rows that are numbered through all shapes."""
+    wide = int(sizes[:, 0].max(initial=0)) + 1
+    order = np.argsort(line * wide + first)
+    starts, stops = (line * wide + first)[order], np.maximum.accumulate((line * wide + last)[order])
+    is_new = np.append(True, starts[1:] > stops[:-1])
+    starts, stops = starts[is_new], stops[np.append(is_new[1:], True)]
+    line, column = np.divmod(starts, wide)
+    begins = np.cumsum(sizes[:, 1]) - sizes[:, 1]
+    owner = np.searchsorted(begins, line, side="right") - 1
+    return Runs(owner, line - begins[owner], column, stops - starts)

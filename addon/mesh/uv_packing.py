@@ -12,16 +12,15 @@ by height, of Coffman, Garey, Johnson and Tarjan, "Performance bounds for level-
 1980.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..core.progress import Progress, Task, finish, part
 from . import topology, uv_cells
-from .topology import EdgeTable
 from .triangles import checked
-from .uv_cells import Shapes, Strip
+from .uv_cells import Outlines, Shapes, Strip
 
 QUICK_CELLS, CELLS = 256, 512
 """Cells a side, about: up to twice as many, so that the distance of two islands is a whole number of them. Fewer in a quick
@@ -128,35 +127,27 @@ def are_apart(corners: np.ndarray, islands: np.ndarray, gap: float) -> bool:
         corners: (T, 3, 2) float, the UVs of triangles.
         islands: (T,) int.
     """
+    if not len(islands):
+        return True
     side = int(1.0 / gap)
-    cells = np.clip(corners.astype(np.float64), 0.0, 1.0) * side
-    triangle, row, first, last = uv_cells.spans(cells, np.full(len(cells), side + 1))
-    first, last = (np.clip(np.floor(end), 0, side).astype(np.int64) for end in (first, last))
-    length = last - first + 1
-    cell = topology.ranges(first, length) + np.repeat(row, length) * (side + 1)
-    owner = np.full((side + 1) * (side + 1), -1)
-    numbers = np.repeat(islands[triangle], length)
-    owner[cell] = numbers
-    return bool((owner[cell] == numbers).all())
+    order = np.argsort(islands, kind="stable")
+    owner = np.unique(islands[order], return_inverse=True)[1]
+    outlines = Outlines.around(np.clip(corners[order].astype(np.float64), 0.0, 1.0) * side, owner)
+    runs = uv_cells.rasterize(outlines, np.full((int(owner.max(initial=-1)) + 1, 2), side + 1))
+    cell = topology.ranges(runs.row * (side + 1) + runs.column, runs.length)
+    return len(np.unique(cell)) == len(cell)
 
 
-def upright(corners: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def upright(outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
     """By which angle (I,) to turn islands so that they lie along u and v, and which (I,) bool have straight borders.
 
     Most of straight borders run along the axes then; without such, the island's box is as small as it can be.
 
     Args:
-        corners: (T, 3, 2) float, the UVs of triangles.
-        islands: (T,) int from 0.
+        outlines: of the islands, in UVs.
     """
-    count = int(islands.max(initial=-1)) + 1
-    points = corners.reshape(-1, 2)
-    rows = np.column_stack([points + 0.0, np.repeat(islands, 3)])
-    sides = EdgeTable.of(topology.first_rows(rows).reshape(-1, 3)).alone
-    if not len(sides):
-        return np.zeros(count), np.zeros(count, bool)
-    start, owner = points[sides], islands[sides // 3]
-    along = points[sides - sides % 3 + (sides + 1) % 3] - start
+    owner, count = outlines.of[outlines.sides[:, 0]], int(outlines.of[-1]) + 1
+    along = np.diff(outlines.points[outlines.sides], axis=1)[:, 0]
     length, angle = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0]) % (0.5 * np.pi)
     # Directions in a quarter of the circle, by degrees, each with its two neighbors.
     step = 0.5 * np.pi / 90
@@ -169,17 +160,17 @@ def upright(corners: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.nd
     weights = np.where(np.abs(away) <= 1.5 * step, length, 0.0)
     total = np.bincount(owner, weights, count)
     middle += np.bincount(owner, weights * away, count) / np.where(total > 0.0, total, 1.0)
-    order = np.argsort(owner, kind="stable")
-    begins = np.flatnonzero(np.diff(owner[order], prepend=-1))
-    least, found = np.full(len(begins), np.inf), np.zeros(len(begins))
-    for turn in np.arange(0.0, 0.5 * np.pi, 2.0 * step):
-        turned = start[order] @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-        extent = np.maximum.reduceat(turned, begins) - np.minimum.reduceat(turned, begins)
-        box = extent.prod(axis=1)
-        found, least = np.where(box < least * (1.0 - 1e-9), turn, found), np.minimum(box, least)
-    smallest = np.zeros(count)
-    smallest[owner[order][begins]] = found
+    least, smallest = np.full(count, np.inf), np.zeros(count)
+    for turn in np.arange(0.0, 0.5 * np.pi, 2.0 * step).tolist():
+        low, high = replace(outlines, points=_turned(outlines.points, -turn)).boxes()
+        box = (high - low).prod(axis=1)
+        smallest, least = np.where(box < least * (1.0 - 1e-9), turn, smallest), np.minimum(box, least)
     return -np.where(is_straight, middle, smallest), is_straight
+
+
+def _turned(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points (N, 2) turned by an angle."""
+    return points @ _rotations(np.array([angle]))[0].T
 
 
 def _rotations(angles: np.ndarray) -> np.ndarray:
@@ -234,16 +225,14 @@ class _Items:
     Attributes:
         of: (I,) int, the item of each island.
         inner: where each island is in its item.
-        corners: (T, 3, 2), the triangles of items.
-        owner: (T,) int, the item of each, ascending.
+        outlines: of items.
         is_free: (N,) bool, which items are tried in more directions than along the axes.
         has_blocks: whether there are any.
     """
 
     of: np.ndarray
     inner: _Places
-    corners: np.ndarray
-    owner: np.ndarray
+    outlines: Outlines
     is_free: np.ndarray
     has_blocks: bool
 
@@ -271,16 +260,16 @@ class _Search:
     def __init__(self, corners: np.ndarray, islands: np.ndarray, options: PackOptions):
         used, of = np.unique(islands, return_inverse=True)
         order = np.argsort(of, kind="stable")
-        corners, self.owner = corners[order], of[order]
-        self.given, self.count = corners, len(used)
-        angles, self.is_straight = upright(corners, self.owner)
+        corners, owner, self.count = corners[order], of[order], len(used)
+        self.given = Outlines.around(corners, owner)
+        angles, self.is_straight = upright(self.given)
         turns = _rotations(angles)
-        turned = np.einsum("tij,tcj->tci", turns[self.owner], corners)
-        begins = np.flatnonzero(np.diff(self.owner, prepend=-1))
-        least = np.minimum.reduceat(turned.min(axis=1), begins)
-        self.extents = np.maximum.reduceat(turned.max(axis=1), begins) - least
-        self.corners = turned - least[self.owner][:, None]
-        self.areas = np.bincount(self.owner, 0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])), self.count)
+        turned = replace(self.given, points=(turns[self.given.of] @ self.given.points[:, :, None])[:, :, 0])
+        least, most = turned.boxes()
+        self.extents = most - least
+        self.outlines = replace(turned, points=turned.points - least[turned.of])
+        (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        self.areas = np.bincount(owner, 0.5 * np.abs(ux * vy - uy * vx), self.count)
         self.upright = _Places(turns, -least)
         self.random = np.random.default_rng(SEED)
         self.is_quick, self.margin = options.is_quick, options.margin
@@ -354,8 +343,11 @@ class _Search:
                 *(np.stack([box[a], box[b], box[c]], axis=1) for a, b, c in ((0, 1, 2), (1, 3, 2))),
             ]
         )
-        runs = uv_cells.rasterize(corners, np.zeros(len(corners), np.int64), np.array([[size, size]]))
         taken = np.zeros((size, size), bool)
+        if not len(corners):
+            return taken[: self.side, : self.side]
+        outlines = Outlines.around(corners, np.zeros(len(corners), np.int64))
+        runs = uv_cells.rasterize(outlines, np.array([[size, size]]))
         taken.reshape(-1)[topology.ranges(runs.row * size + runs.column, runs.length)] = True
         for _ in range(2):
             before = np.pad(np.cumsum(taken, axis=0, dtype=np.int64), ((1, 0), (0, 0)))
@@ -369,23 +361,20 @@ class _Search:
 
     def _filling(self, places: _Places) -> _Places:
         """Places so that islands just reach two opposite sides of the map, with the margin."""
-        points = (
-            np.einsum("tij,tcj->tci", places.matrices[self.owner], self.given) + places.offsets[self.owner][:, None]
-        )
-        least, most = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+        points = places.move(self.given.points, self.given.of)
+        least, most = points.min(axis=0), points.max(axis=0)
         factor = (1.0 - 2.0 * self.margin) / max((most - least).max(), 1e-300)
         return _Places(places.matrices * factor, self.margin + (places.offsets - least) * factor)
 
     def _alone(self) -> _Places:
         """One island, in the smallest square: upright, if others are hardly smaller."""
-        points = self.corners.reshape(-1, 2)
-        points = _outermost(points)
+        points = _outermost(self.outlines.points)
         sides, turns = [], [0.0]
         for step in (np.pi / 360, np.pi / 36000):
             middle = turns[int(np.argmin(sides))] if sides else 0.25 * np.pi
             turns += (middle + step * np.arange(-90, 91)).tolist()
             for turn in turns[len(sides) :]:
-                sides.append(float(np.ptp(points @ _rotations(np.array([turn]))[0].T, axis=0).max()))
+                sides.append(float(np.ptp(_turned(points, turn), axis=0).max()))
         best = 0 if sides[0] <= min(sides) * UPRIGHT else int(np.argmin(sides))
         return self._filling(self.upright.then(_Places(_rotations(np.array([turns[best]])), np.zeros((1, 2)))))
 
@@ -415,8 +404,9 @@ class _Search:
         for k in range(most):
             yield Progress("Packing UV islands", 0.0)
             if k == 1 or (k and items.has_blocks):
-                items = self._items(size, *WAYS[k % len(WAYS)])
-                directions = self._directions(items)
+                before, items = items, self._items(size, *WAYS[k % len(WAYS)])
+                if before.has_blocks or items.has_blocks:  # else they are the same
+                    directions = self._directions(items)
             order = self._order(directions[0].shapes.cells, k)
             height, places = self._place(
                 directions, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side
@@ -443,8 +433,8 @@ class _Search:
         of, place = np.empty(self.count, np.int64), np.zeros((self.count, 2))
         of[large] = np.arange(len(large))
         matrices = np.tile(size * np.eye(2), (self.count, 1, 1))
-        chosen = ~is_small[self.owner]
-        corners, owner = self.corners[chosen] * size, of[self.owner[chosen]]
+        outlines = self.outlines.chosen(~is_small)
+        outlines = replace(outlines, points=outlines.points * size)
         is_free = ~self.is_straight[large]
         if len(small):
             is_wide = (wide > high)[small]
@@ -455,13 +445,9 @@ class _Search:
             block, where, shapes = _rows(sizes + gap, min(target, self.side + gap), target if blocks else np.inf)
             place[small] += where
             of[small] = block + len(large)
-            right, top = (shapes - gap).T
-            none = np.zeros_like(right)
-            points = np.stack([none, none, right, none, right, top, none, none, right, top, none, top], axis=1)
-            corners = np.concatenate([corners, points.reshape(-1, 3, 2)])
-            owner = np.concatenate([owner, np.repeat(np.arange(len(shapes)), 2) + len(large)])
+            outlines = outlines.with_boxes(shapes - gap)
             is_free = np.append(is_free, np.zeros(len(shapes), bool))
-        return _Items(of, _Places(matrices, place), corners, owner, is_free, len(small) > 0)
+        return _Items(of, _Places(matrices, place), outlines, is_free, len(small) > 0)
 
     def _directions(self, items: _Items) -> list[_Direction]:
         """Items in all directions: each in four, turned by quarters, and the free ones in more."""
@@ -472,16 +458,16 @@ class _Search:
             is_here = items.is_free if angle else np.ones(len(items.is_free), bool)
             if not is_here.any():
                 continue
-            chosen = is_here[items.owner]
-            owner, (turn,) = (np.cumsum(is_here) - 1)[items.owner[chosen]], _rotations(np.array([angle]))
-            turned = items.corners[chosen] @ turn.T
-            begins = np.flatnonzero(np.diff(owner, prepend=-1))
-            least = np.minimum.reduceat(turned.min(axis=1), begins)
-            extent = np.maximum.reduceat(turned.max(axis=1), begins) - least
+            (turn,), outlines = _rotations(np.array([angle])), items.outlines.chosen(is_here)
+            outlines = replace(outlines, points=_turned(outlines.points, angle))
+            least, most = outlines.boxes()
+            extent = most - least
             sizes = np.clip(np.ceil(extent - 1e-6), 1, 2 * self.side).astype(np.int64)  # larger ones do not fit anyway
             corner = least - 0.5 * np.maximum(sizes - extent, 0.0)  # as much place on one side as on the other
-            runs = uv_cells.rasterize(turned - corner[owner][:, None], owner, sizes)
-            across, (wide, high) = uv_cells.transposed(runs, sizes), sizes.T
+            outlines = replace(outlines, points=outlines.points - corner[outlines.of])
+            runs = uv_cells.rasterize(outlines, sizes)
+            across = uv_cells.rasterize(replace(outlines, points=outlines.points[:, ::-1]), sizes[:, ::-1])
+            wide, high = sizes.T
             is_box = np.bincount(runs.owner, runs.length, len(sizes)) == wide * high
             none = np.zeros_like(wide)
             aside, quarter = corner @ QUARTER.T, QUARTER @ turn

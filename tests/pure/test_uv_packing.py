@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Packed islands keep their shape and their distance, and fill the map."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -157,9 +159,50 @@ def test_the_lowest_free_place_is_found(seed):
                 taken[max(y - gap, 0) : y + gap + 1, max(x - gap, 0) : x + gap + 1] = True
 
 
+def touched(corners, side):
+    """The cells (side, side) bool, rows first, that a triangle (3, 2) touches: no line along a side of either parts them."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    across = np.concatenate([np.eye(2), np.stack([-sides[:, 1], sides[:, 0]], axis=1)])
+    rows, columns = np.mgrid[:side, :side]
+    cells = np.stack([np.stack([columns + x, rows + y], axis=2) for x in (0, 1) for y in (0, 1)]) @ across.T
+    low, high = (corners @ across.T).min(axis=0), (corners @ across.T).max(axis=0)
+    return ((cells.min(axis=0) < high) & (cells.max(axis=0) > low)).all(axis=2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outlines_cover_what_triangles_touch(seed):
+    """Strips that fold over, triangles that lie on each other, stars with holes: beside each triangle by itself."""
+    random, side = np.random.default_rng(seed), 24
+    strip = random.uniform(0.0, side, (9, 2))
+    loose = random.uniform(0.0, side, (5, 3, 2))
+    stars, of = random_islands(seed, 3)
+    stars = (stars - stars.min(axis=(0, 1))) * side / np.ptp(stars, axis=(0, 1)).max()
+    corners = np.concatenate([np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1), loose, loose[:2, ::-1], stars])
+    owner = np.concatenate([np.zeros(7, int), np.ones(7, int), of + 2])
+    sizes = np.full((5, 2), side)
+    outlines = uv_cells.Outlines.around(corners, owner)
+    expected = np.zeros((5, side, side), bool)
+    for triangle, island in zip(corners, owner, strict=True):
+        expected[island] |= touched(triangle, side)
+    for points, cells in ((outlines.points, expected), (outlines.points[:, ::-1], expected.transpose(0, 2, 1))):
+        runs, found = (
+            uv_cells.rasterize(dataclasses.replace(outlines, points=points), sizes),
+            np.zeros(cells.shape, bool),
+        )
+        at = topology.ranges((runs.owner * side + runs.row) * side + runs.column, runs.length)
+        found.reshape(-1)[at] = True
+        assert len(np.unique(at)) == len(at)
+        assert (found == cells).all()
+    # A grid of triangles has no more sides than its border.
+    u, v = np.mgrid[:20, :20].reshape(2, -1)
+    squares = np.stack([u, v], axis=1)[:, None] + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    grid = np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]]).astype(float)
+    assert (uv_cells.Outlines.around(grid, np.zeros(800, int)).layers > 0).sum() == 80
+
+
 def test_straight_borders_run_along_the_axes():
     corners, islands = boxes([(3.0, 1.0), (1.0, 1.0), (2.0, 1.9)], np.radians([20.0, 0.0, 100.0]))
-    angles, is_straight = uv_packing.upright(corners, islands)
+    angles, is_straight = uv_packing.upright(uv_cells.Outlines.around(corners, islands))
     assert np.degrees(angles) % 90.0 == pytest.approx([70.0, 0.0, 80.0], abs=1e-9) and is_straight.all()
     packed = pack(corners, islands, MARGIN)
     steps = np.abs(np.diff(packed, axis=1)[::2, 0])  # along the first side of each
@@ -172,7 +215,7 @@ def test_without_straight_borders_the_box_is_the_smallest():
     rim = np.stack([1.5 * np.cos(angles), np.sin(angles)], axis=1) @ np.array([[0.75**0.5, 0.5], [-0.5, 0.75**0.5]])
     rim[-1] = rim[0]
     corners = np.stack([0.0 * rim[:-1], rim[:-1], rim[1:]], axis=1)
-    (angle,), (is_straight,) = uv_packing.upright(corners, np.zeros(90, int))
+    (angle,), (is_straight,) = uv_packing.upright(uv_cells.Outlines.around(corners, np.zeros(90, int)))
     assert np.degrees(angle) % 90.0 == pytest.approx(60.0, abs=1.0) and not is_straight
 
 
