@@ -255,7 +255,7 @@ class Search:
                     break
                 wanted = min(most, int(wanted * min(max(last.excess**2, CLOSER), 4.0)) + 1)
             elif beyond is None or beyond.triangles >= within.triangles:
-                wanted = max(LEAST, int(within.triangles / min(max(last.excess**-2.0, CLOSER), 4.0)))
+                wanted = max(LEAST, int(within.triangles / max(max(last.excess, 0.5) ** -2.0, CLOSER)))
                 if wanted >= within.triangles:
                     break
             elif beyond.triangles >= FEWER * within.triangles - ODD:
@@ -375,7 +375,7 @@ class StepSearch(Search):
 
     def _learn(self, quick: Candidate, exact: Candidate) -> None:
         """Judge by how much an exact measurement differs from the quick one of the same mesh, and spare what it found."""
-        self._factor *= exact.excess / quick.excess
+        self._factor *= exact.excess / max(quick.excess, 1e-6)
         self._maker = self._maker.corrected(exact) or self._maker
         if exact.excess <= 1.0:
             self._passed.append(exact)

@@ -115,7 +115,8 @@ def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float
     """Which triangles (T,) bool are in the parts of most area, and how many parts are not.
 
     Edges cannot collapse beyond a tetrahedron, or the triangles that there are: those of all parts that stay are `share` of the
-    wanted ones together. Parts that have the area of as many triangles as they take stay, too, unless the share is small.
+    wanted ones together. Parts that have the area of as many triangles as they take stay, too, and those that need no collapse,
+    as larger ones do not either, unless the share is small.
 
     Args:
         points, triangles: as `is_crumb` takes them.
@@ -124,14 +125,15 @@ def largest(points: np.ndarray, triangles: np.ndarray, wanted: int, share: float
     """
     labels = _labels(points, triangles)
     count = labels.max(initial=-1) + 1
-    areas, least = np.bincount(labels, face_areas(points, triangles), count), np.bincount(labels, minlength=count)
-    least = np.minimum(least, LEAST)
+    areas, counts = np.bincount(labels, face_areas(points, triangles), count), np.bincount(labels, minlength=count)
+    least = np.minimum(counts, LEAST)
     order = np.argsort(-areas, kind="stable")
     is_kept = np.zeros(count, bool)
     is_kept[order] = np.cumsum(least[order]) <= share * wanted
     is_kept[order[:1]] = True
     if share >= FAIR:
         is_kept |= areas * wanted >= 0.9 * least * areas.sum()
+        is_kept[order] |= np.cumsum(counts[order]) <= wanted
     return is_kept[labels], int(np.count_nonzero(~is_kept))
 
 

@@ -508,8 +508,10 @@ def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, chosen: 
 
 
 def draw_asset(layout: bpy.types.UILayout, chosen: Chosen) -> None:
-    """For an object alone, a button that takes it for a high object and makes the low one."""
-    if chosen.low.select_get() and object_checks.is_itself(chosen.low, chosen.highs):
+    """For an object alone, a button that takes it for a high object and makes the low one. With modifiers that add detail and a
+    UV map it is a low object already."""
+    is_low = object_checks.own_highs(chosen.low) and not object_checks.lacks_uvs(chosen.low)
+    if chosen.low.select_get() and list(chosen.highs) == [chosen.low] and not is_low:
         display.draw_operator(layout, "imprint.make_asset", enabled=True, icon="MESH_ICOSPHERE")
 
 

@@ -4,11 +4,12 @@
 import json
 
 import bpy
+import numpy as np
 import pytest
 
 from addon.cli import command
 from scripts.imprint import ROOT
-from tests.support import glb, json_schema, quick_assets, zoo
+from tests.support import glb, json_schema, lanes, quick_assets, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -180,3 +181,84 @@ def test_an_asset_of_a_scene_that_has_it_keeps_its_low_mesh(folder):
 @pytest.mark.slow
 def test_a_limit_of_strict_that_is_missed_is_the_exit_code(folder):
     assert command.run([*ASSET, "--strict", "appearance.p99<0.001deg"]) == 4
+
+
+def mesh(points, faces):
+    data = bpy.data.meshes.new("Odd")
+    data.from_pydata(np.asarray(points, float).tolist(), [], np.asarray(faces).tolist())
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Odd", data))
+    return data
+
+
+def loose_quads(count):
+    """Unit squares at random places, turned at random."""
+    rng = np.random.default_rng(7)
+    axes = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0][:, :2]
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2.0
+    points = rng.uniform(-9.0, 9.0, (count, 1, 3)) + np.einsum("kc,ncd->nkd", corners, axes)
+    return mesh(points.reshape(-1, 3), np.arange(4 * count).reshape(-1, 4))
+
+
+def fan(blades):
+    """Triangles around one edge."""
+    angles = 2.0 * np.pi * np.arange(blades) / blades
+    tips = np.stack([np.cos(angles), np.sin(angles), 0.5 + 0.0 * angles], axis=1)
+    return mesh([(0, 0, 0), (0, 0, 1), *tips], [(0, 1, 2 + number) for number in range(blades)])
+
+
+def box(change):
+    """A cube without UVs, changed in a way."""
+    data = zoo.cube("Odd").data
+    data.uv_layers.remove(data.uv_layers[0])
+    change(data)
+
+
+def with_empty_uvs(data):
+    data.uv_layers.new(name="Empty").uv.foreach_set("vector", np.zeros(2 * len(data.loops), np.float32))
+
+
+def with_a_lone_seam(data):
+    data.edges[0].use_seam = True
+
+
+LINE, SQUARE = [(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+NO_AREA = "'Odd' has no faces with an area"
+ODD = {
+    "no area": (lambda: mesh(LINE, [(0, 1, 2)]), [], 1, NO_AREA),
+    "no faces": (lambda: mesh(LINE, np.zeros((0, 3), int)), [], 1, "'Odd' has no faces."),
+    "no vertices": (lambda: mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), [], 1, "'Odd' has no faces."),
+    "no area, kept": (lambda: mesh(LINE, [(0, 1, 2)]), ["--keep"], 1, "'Odd'"),
+    "one triangle": (lambda: mesh(SQUARE, [(0, 1, 2)]), [], 0, 1),
+    "one triangle, kept": (lambda: mesh(SQUARE, [(0, 1, 2)]), ["--keep"], 0, 1),
+    "flat": (lambda: mesh(SQUARE, [(0, 1, 2, 3)]), [], 0, 2),
+    "flat, as quads": (lambda: mesh(SQUARE, [(0, 1, 2, 3)]), ["--quads"], 0, 2),
+    "a fan": (lambda: fan(9), [], 0, 9),
+    "loose quads": (lambda: loose_quads(1000), ["--triangles", "400", "--size", "256"], 0, 400),
+    "loose quads on a small map": (lambda: loose_quads(1000), ["--triangles", "400"], 1, "set a larger map"),
+    "empty UVs": (lambda: box(with_empty_uvs), ["--keep"], 0, 12),
+    "a lone seam": (lambda: box(with_a_lone_seam), ["--keep"], 0, 12),
+    "a limit": (lambda: box(lambda data: None), ["--distance", "1e-9%"], 0, 12),
+    "a limit that cannot be met": (lambda: zoo.ball("Odd", 8), ["--distance", "1e-9%"], 4, "of the size away"),
+    "many levels": (lambda: box(lambda data: None), ["--levels", "8"], 0, 12),
+}
+"""What is built, more words, the exit code, and part of the sentence or how many triangles the low mesh has at most."""
+
+
+@pytest.mark.parametrize("name", lanes.slow_but(["no area", "no faces", "one triangle"], ODD))
+def test_odd_input_is_a_mesh_or_a_sentence(folder, capfd, name):
+    build, more, code, result = ODD[name]
+    build()
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "odd.blend"))
+    words = ["asset", "odd.blend", "--size", "64", "--export", "out/odd.glb", "--report", "report.json", *more]
+    found, errors = command.run(words), capfd.readouterr().err
+    assert found == code, errors
+    assert "Traceback" not in errors
+    (entry,) = json.loads((folder / "report.json").read_text())["bakes"]
+    if code == 1:
+        (line,) = [line for line in errors.splitlines() if "error" in line or "Odd" in line]
+        assert result in line and line.endswith(".") and entry["reports"] == []
+        assert not (folder / "out").exists()
+        return
+    assert result in errors if code else entry["reports"][0]["triangles"]["low"] <= 1.02 * result
+    tree, _ = glb.parse(folder / "out" / "odd.glb")
+    assert len(tree["meshes"]) == len(entry["reports"])

@@ -118,7 +118,10 @@ def test_of_noisy_meshes_one_within_the_limit_is_found_seed_3():
         assert factory.alive == [found.mesh]
 
 
-@pytest.mark.parametrize(("error", "least"), [(lambda number: 9.0 - number / MOST, LEAST), (lambda number: 0.1, 80)])
+@pytest.mark.parametrize(
+    ("error", "least"),
+    [(lambda number: 9.0 - number / MOST, LEAST), (lambda number: 0.1, 80), (lambda number: 0.0, 80)],
+)
 def test_limits_that_none_or_all_meet_end_with_the_finest_and_the_coarsest(error, least):
     factory = Factory()
     found = finish(factory.search().min_triangles(Anew(factory, error, least), 500, 3000))

@@ -90,6 +90,18 @@ def test_a_part_at_one_that_does_not_float_does_not_either():
     assert small_parts.is_crumb(*joined(grid(2), *crumb), 0.01)[1].mended == 2  # what is left out holds nothing
 
 
+def test_limits_themselves():
+    """In numbers that are exact."""
+    at_half = joined(grid(2), small(1.0 / 32.0, (1.0 + 1.0 / 64.0, 0.0, 0.0)))
+    assert small_parts.is_crumb(*at_half, 0.01)[1].mended == 0
+    tenth = joined(small(3.0, (0.0, 0.0, 0.0)), small(1.0))
+    assert small_parts.is_crumb(*tenth, 0.34)[1].mended == 1
+    holes = [(i, j) for i in (1, 3, 5, 7) for j in (1, 4, 7)]
+    points, triangles = grid(11, set(holes[:11]))
+    assert small_parts.filled(np.round(11.0 * points), triangles, 0.1)[2].mended == 11
+    assert small_parts.filled(*grid(32, {(2, 2)}), 1.0 / 32.0)[2] == Small(0, 1, 1.0 / 32.0)
+
+
 def test_a_heap_of_parts_that_float_stays_without_a_word():
     """30 of 0.0036 of the area each are 0.108 of it, 27 are 0.0972; one small one is no heap."""
     for count, is_heap in ((28, False), (32, True)):
@@ -103,6 +115,7 @@ def test_a_heap_of_parts_that_float_stays_without_a_word():
     [
         ([(20, 20), (21, 20), (22, 20), (21, 21)], 0.02, (1, 0, 0.0)),  # a T turns around twice
         ([(20, 20), (21, 20), (22, 20)], 0.02, (0, 1, 0.06)),  # and a rectangle once
+        ([(20, 20), (21, 20), (20, 21)], 0.02, (0, 1, 0.04)),  # and an L one and a half times
         ([(20, 20), (21, 20), (22, 20)], 0.061, (1, 0, 0.0)),
         ([(20, 20), (21, 20), (22, 20)], 0.009, (0, 0, 0.0)),
         ([(20 + i, 20) for i in range(5)] + [(21, 21)], 0.02, (1, 0, 0.0)),
@@ -172,7 +185,8 @@ def test_the_largest_parts_have_room_for_their_least_triangles():
     for wanted, kept in ((4, [1]), (16, [1, 2, 3]), (12, [1, 2]), (20, [0, 1, 2, 3])):
         assert np.array_equal(small_parts.largest(*surface, wanted, 0.5)[0], np.isin(part, kept)), wanted
     equal = joined(*(small(1.0, (2.0 * number, 0.0, 0.0)) for number in range(5)))  # 0.9 of two triangles are 9 / 5
-    assert [small_parts.largest(*equal, wanted, 0.5)[1] for wanted in (8, 9)] == [3, 0]
+    assert [small_parts.largest(*equal, wanted, 0.5)[1] for wanted in (7, 8, 9)] == [2, 1, 0]
+    assert [small_parts.largest(*equal, wanted, 0.49)[1] for wanted in (7, 8, 9)] == [4, 4, 3]
     twins = joined(small(1.0), small(1.0, (0.0, 9.0, 0.0)))
     assert [small_parts.largest(*twins, 4, share)[1] for share in (0.5, 0.49)] == [0, 1]
 

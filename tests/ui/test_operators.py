@@ -319,6 +319,11 @@ def test_an_object_alone_can_become_an_asset_from_the_box(pair):
     high.select_set(False)
     low.select_set(False)
     assert made not in draw(panels=open_panels).buttons
+    high.modifiers.new("", "SUBSURF")
+    select(high)
+    assert made not in draw(panels=open_panels).buttons  # it is baked onto itself
+    high.data.uv_layers.remove(high.data.uv_layers[0])
+    assert made in draw(panels=open_panels).buttons
 
 
 def test_the_panel_shows_the_objects_of_live_whatever_is_selected(pair):
