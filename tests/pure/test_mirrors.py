@@ -125,6 +125,23 @@ def test_borders_that_were_there_stay_open():
     assert len(both) == 6 and face_areas(both, faces).sum() == 2.0 and EdgeTable.of(faces).is_open.sum() == 6
 
 
+@pytest.mark.parametrize(("place", "is_cut"), [(0.22, True), (0.225, False)])
+def test_edges_near_the_plane_belong_to_the_cut(place, is_cut):
+    """Up to a quarter of the mean edge of borders, here 1 - place / 2: at 2 / 9."""
+    points = np.array([(place, 0, 0), (1, 0, 0), (1, 1, 0), (place, 1, 0)], float)
+    both, _ = mirrors.joined(points, np.array([(0, 1, 2), (0, 2, 3)]), Plane(0, 0.0))
+    assert len(both) == (6 if is_cut else 8) and (both[:, 0] == 0.0).sum() == (2 if is_cut else 0)
+
+
+@pytest.mark.parametrize(("place", "is_cut"), [(0.74, True), (0.76, False)])
+def test_a_border_near_the_plane_as_a_whole_belongs_to_the_cut(place, is_cut):
+    """A pyramid without its bottom, of edges of 1: up to three quarters of them."""
+    points = np.array([(place, 0, 0), (place, 1, 0), (place, 1, 1), (place, 0, 1), (3, 0.5, 0.5)], float)
+    sides = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)])
+    both, faces = mirrors.joined(points, sides, Plane(0, 0.0))
+    assert len(both) == (6 if is_cut else 10) and EdgeTable.of(faces).is_open.any() != is_cut
+
+
 def test_an_edge_through_the_plane_turns():
     """A wedge with one edge in the plane, and two corners beyond it: four triangles would meet at that edge."""
     points = np.array([(0, 0, 0), (0, 1, 0), (1, 0.5, -1), (1, 0.5, 1)], float)
