@@ -364,12 +364,11 @@ def by_xatlas(obj: bpy.types.Object, settings: Settings) -> Measured:
     pack.bruteForce = len(triangles) < 5000
     atlas.generate(xatlas.ChartOptions(), pack)
     vertices, corners, uv = atlas[0]
-    size = np.array([atlas.width, atlas.height], float)
-    # The map may be larger than asked for, and then the gaps are smaller: they get as wide as those of the others.
-    whole = size.max() + pack.padding
-    return Measured.of(
-        points[vertices[corners]], (uv * size + 0.5 * pack.padding)[corners] / whole, vertices[corners], side, start
-    )
+    # The map may be larger than asked for, and then the gaps are smaller: they get as wide as those of the others. So does the
+    # margin at the border, of which xatlas leaves parts of a texel out.
+    uv = (uv * (atlas.width, atlas.height))[corners]
+    uv = (uv - uv.min(axis=(0, 1))) / np.ptp(uv, axis=(0, 1)).max() * (1.0 - 2.0 * margin) + margin
+    return Measured.of(points[vertices[corners]], uv, vertices[corners], side, start)
 
 
 def draw(obj: bpy.types.Object, file: Path, title: str) -> None:
