@@ -9,6 +9,7 @@ Tried, for a shape of 80 rows in 512 cells: an "or" for each part 80 us, a gathe
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -92,8 +93,6 @@ class Strip:
         self._moved = self._table[: powers * 8 * each].reshape(powers, 8, each)
         self._parts = np.lib.stride_tricks.as_strided(self._table, (powers * 8 * each, each), (1, 1), writeable=False)
         self._outside: dict[int, np.ndarray] = {}
-        cells = np.arange(8 * self.wide)
-        self._before = np.packbits(cells < np.append(cells, 8 * self.wide)[:, None], axis=1, bitorder="little")
 
     def first_free(self, shapes: Shapes, shape: int, limit: float) -> tuple[int, int] | None:
         """The first cell (along u and v) of the lowest place where the shape is free, in the rows below a limit."""
@@ -147,7 +146,8 @@ class Strip:
         begins = np.flatnonzero(np.diff(rows[order], prepend=-1))
         lines = np.zeros((high, wide), np.uint8)
         if len(order):
-            cells = self._before[stop[order]] ^ self._before[start[order]]
+            before = _before(wide)
+            cells = before[stop[order]] ^ before[start[order]]
             lines[rows[order[begins]]] = np.bitwise_or.reduceat(cells, begins)
         taken = np.zeros((high + 2 * gap, wide), np.uint8)
         for step in range(2 * gap + 1):
@@ -176,6 +176,13 @@ class Strip:
         np.right_shift(
             pairs[:, None], np.arange(1, 8, dtype=np.uint16)[:, None], self._moved[:, 1:, begin:end], casting="unsafe"
         )
+
+
+@cache
+def _before(wide: int) -> np.ndarray:
+    """Rows of so many bytes with the first cells taken: none in the first row, one more in each."""
+    cells = np.arange(8 * wide)
+    return np.packbits(cells < np.append(cells, 8 * wide)[:, None], axis=1, bitorder="little")
 
 
 def _bytes(side: int) -> int:

@@ -43,7 +43,7 @@ TRIES, WORK = 4, 1500
 ORDERS, QUICK_ORDERS, PLACED = 16, 3, 400
 """How many orders are tried at a size, at most, and how many ways to put islands in rows in a quick search; fewer if they have
 more islands than the last number together."""
-STEP, FINE, COARSE = 1.01, 1.002, 1.05
+STEP, FINE, COARSE = 1.01, 1.0007, 1.05
 """The factors by which the next size differs, at least, and by which it must to be tried at all, and late in a quick search."""
 MOST, FEWEST = 300, 4
 """Islands that are packed by their outlines, at most: the smallest of more are in rows. Fewer small ones are in no rows."""
@@ -400,7 +400,7 @@ class _Search:
         most = min(ORDERS, len(RULES) * max(1, self.count * (self.count - 1)))
         if self.is_quick:
             most = QUICK_ORDERS if items.has_blocks else 1
-        directions = self._directions(items)
+        directions, known = self._directions(items), set()
         for k in range(most):
             yield Progress("Packing UV islands", 0.0)
             if k == 1 or (k and items.has_blocks):
@@ -408,6 +408,10 @@ class _Search:
                 if before.has_blocks or items.has_blocks:  # else they are the same
                     directions = self._directions(items)
             order = self._order(directions[0].shapes.cells, k)
+            way = (*order, k % len(RULES), k if items.has_blocks else 0)
+            if way in known:  # few islands have few orders
+                continue
+            known.add(way)
             height, places = self._place(
                 directions, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side
             )
