@@ -101,7 +101,8 @@ def _without_highs(lows: Sequence[bpy.types.Object], suffixes: Suffixes) -> tupl
     jobs, notes = [], []
     for low in lows:
         called = map(objects.get, pairs.get(low.name, ()) if objects.get(low.name) == low else ())
-        highs, own = list(filter(object_checks.may_show, called)), object_checks.own_highs(low)
+        highs = [obj for obj in called if object_checks.may_show(obj) and not object_checks.is_line(obj)]
+        own = object_checks.own_highs(low)
         jobs.append(Job(low, own or highs or [low]))
         names = shorten_list(repr(high.name) for high in highs)
         if highs and own:

@@ -180,8 +180,13 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
     Raises BakeError if there is no job.
     """
     objects = object_checks.by_name(context.view_layer.objects)
-    # What is called as a low object without its suffix, and shows nothing, is its parent or its rig, and no high object.
-    named = (name for name, obj in objects.items() if object_checks.may_show(obj) or role(name, suffixes))
+    # What is called as a low object without its suffix, and shows nothing, is its parent or its rig, and no high object. Nor
+    # are paths, whatever their names.
+    named = (
+        name
+        for name, obj in objects.items()
+        if (object_checks.may_show(obj) or role(name, suffixes)) and not object_checks.is_line(obj)
+    )
     pairs, problems = match(named, suffixes)
     if not pairs:
         raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")

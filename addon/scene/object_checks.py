@@ -131,6 +131,18 @@ def may_show(obj: bpy.types.Object) -> bool:
     return obj.type in {"MESH", *SURFACES} or (obj.type in WITH_NODES and _has_nodes(obj))
 
 
+def is_line(obj: bpy.types.Object) -> bool:
+    """Whether `obj` is a curve without faces, as paths and guides are."""
+    if obj.type != "CURVE" or obj.modifiers:
+        return False
+    curve = obj.data
+    is_filled = (
+        curve.dimensions == "2D" and curve.fill_mode != "NONE" and any(one.use_cyclic_u for one in curve.splines)
+    )
+    is_tube = curve.bevel_object is not None if curve.bevel_mode == "OBJECT" else curve.bevel_depth != 0.0
+    return not (is_filled or is_tube or curve.extrude)
+
+
 def shows_more(obj: bpy.types.Object) -> bool:
     """Whether `obj` may show more than its own mesh."""
     return obj.type != "MESH" or obj.instance_type != "NONE" or _has_nodes(obj) or len(obj.particle_systems) > 0

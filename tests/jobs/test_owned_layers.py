@@ -15,7 +15,7 @@ from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import Job, bake_all, bake_pair, live_session
 from addon.jobs.job import jobs_by_name
-from tests.support import maps, zoo
+from tests.support import maps, scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -128,6 +128,44 @@ def test_what_shows_nothing_is_no_high_object_by_its_name(data):
     bpy.context.view_layer.update()
     jobs, _ = jobs_by_name(bpy.context, Suffixes())
     assert [job.highs for job in jobs if job.low == low] == [[high]]
+
+
+def a_line(_data):
+    pass
+
+
+def a_tube(data):
+    data.bevel_depth = 0.1
+
+
+def a_ribbon(data):
+    data.extrude = 0.1
+
+
+def a_section(data):
+    data.bevel_mode, data.bevel_object = (
+        "OBJECT",
+        scenes.link(bpy.data.objects.new("Section", bpy.data.curves.new("Section", "CURVE"))),
+    )
+
+
+def a_disc(data):
+    data.dimensions, data.fill_mode, data.splines[0].use_cyclic_u = "2D", "BOTH", True
+
+
+@pytest.mark.parametrize("name", ["Hero", "Hero_high"])
+@pytest.mark.parametrize("change", [a_line, a_tube, a_ribbon, a_section, a_disc])
+def test_paths_are_no_high_objects_by_their_names(name, change):
+    """Curves with faces are."""
+    pair("a_")
+    zoo.cube("Hero_low")
+    data = bpy.data.curves.new(name, "CURVE")
+    data.splines.new("POLY").points.add(3)
+    change(data)
+    scenes.link(bpy.data.objects.new(name, data))
+    bpy.context.view_layer.update()
+    jobs, problems = jobs_by_name(bpy.context, Suffixes())
+    assert ("Hero_low" in [job.low.name for job in jobs]) == (change is not a_line) == (not problems)
 
 
 def test_an_atlas():
