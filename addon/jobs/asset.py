@@ -34,7 +34,7 @@ from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
 from .simplify import appearance_judge, decimation, high_surface, quad_meshes, shared_levels
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
-from .simplify.low_meshes import LowMesh, Source
+from .simplify.low_meshes import DecimationSource, LowMesh, Source, arrays
 from .simplify.shared_levels import LayoutSource, SharedLevel
 from .simplify.skins import Skin
 
@@ -117,7 +117,9 @@ def work(
         if not lows or wanted.levels or wanted.distance < math.inf:
             check_gpu()
             reading = _read(context, job, wanted, settings, timings)
-            high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.05)
+            high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.04)
+            posing = relay(_posed(context, skin, high), within=lambda: timings.timed("read"))
+            high = yield from part(posing, 0.04, 0.05)
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             making = _Making(context, high, judge, settings, suffixes, aside)
             lows = yield from part(making.lows(job, lows, wanted), 0.05, SEARCHED)
@@ -175,6 +177,17 @@ def _read(
     mending = replace(wanted.mending, symmetry=Symmetry.NONE)
     high = yield from high_surface.read(context, job, settings, timings, mending)
     return replace(high, sources=quad_meshes.sources_of(high.sources))
+
+
+def _posed(context: bpy.types.Context, skin: Skin, high: HighSurface) -> Task[HighSurface]:
+    """The surface, whose low meshes are made for the poses of a skin, too."""
+    sources = list[Source]()
+    for source in high.sources:
+        motions = None
+        if isinstance(source, DecimationSource) and source.is_collapsed:
+            motions = yield from skin.motions(context, *arrays(source.dense), high.origin)
+        sources.append(source if motions is None else source.posed(motions))
+    return replace(high, sources=sources)
 
 
 def _check(job: Job, wanted: Wanted, settings: Settings) -> None:

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import topology
-from .collapse import CollapseOptions, State, box, quadrics_of, side_planes, summed
+from .collapse import CollapseOptions, State, box
+from .quadrics import quadrics_of, side_planes, summed
 from .topology import EdgeTable
 from .triangles import checked, face_normals, unit_normals
 from .uv_seams import CONNECTED
 
 LINE = 1.0
-"""How much the planes along lines inside the surface count, as collapse.BORDER."""
+"""How much the planes along lines inside the surface count, as quadrics.BORDER."""
 LEAST_UV_AREA = 0.05
 """The least area of a triangle in the layout, as a share of what that of its place was for its area on the surface."""
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import collapse, flips, polygons, topology
+from . import collapse, flips, polygons, quadrics, topology
 from .collapse import State
 from .planes import LARGE, Planes
 from .topology import EdgeTable
@@ -153,8 +153,8 @@ class _State(State):
         vertices, which = np.divmod(pairs, count)
         parts = [(vertices[:, None], self._normals[which], points[vertices], self._weights[which])]
         if border:
-            parts.append(collapse.border_planes(points, triangles, self._normals[of], np.ones(len(triangles))))
-        return collapse.summed(parts, len(points))
+            parts.append(quadrics.border_planes(points, triangles, self._normals[of], np.ones(len(triangles))))
+        return quadrics.summed(parts, len(points))
 
     def _new_placements(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a, b = ends.T

@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Quaternion
 
+from addon.core import asset_limits
 from addon.core.asset_limits import Wanted
 from addon.core.levels import limits
 from addon.core.naming import Suffixes
-from addon.core.progress import Pace, finish
+from addon.core.progress import Pace, Timings, finish
 from addon.core.settings import Settings
 from addon.export import engine_files
 from addon.jobs import asset, lod, part_state
 from addon.jobs.job import Job
-from addon.jobs.simplify import skins
+from addon.jobs.simplify import bent_poses, low_meshes, skin_weights
+from addon.jobs.simplify.high_surface import HighSurface
 from addon.jobs.simplify.skins import Skin
+from addon.mesh import transfer
+from addon.mesh.fitting import surface_samples
+from addon.mesh.mirrors import Plane
 from addon.scene import mesh_reader
 from addon.ui import object_pairs
 from tests.support import glb, quick_assets, scenes, zoo
@@ -38,8 +43,8 @@ def rod(name, around, along):
     return zoo.sheet(name, surface, around, along)
 
 
-def armature(name="rig", bones=("root", "tip")):
-    """Bones of the length 2 above each other, and a control that deforms nothing."""
+def armature(name="rig", bones=("root", "tip"), *, is_chain=False):
+    """Bones of the length 2 above each other, and a control that deforms nothing. is_chain: each follows the last one."""
     rig = scenes.link(bpy.data.objects.new(name, bpy.data.armatures.new(name)))
     bpy.context.view_layer.objects.active = rig
     bpy.ops.object.mode_set(mode="EDIT")
@@ -47,6 +52,7 @@ def armature(name="rig", bones=("root", "tip")):
         made = rig.data.edit_bones.new(bone)
         made.head, made.tail = (0.0, 0.0, 2.0 * number), (0.0, 0.0, 2.0 * number + 2.0)
         made.use_deform = bone != "control"
+        made.parent = rig.data.edit_bones[number - 1] if is_chain and number else None
     bpy.ops.object.mode_set(mode="OBJECT")
     return rig
 
@@ -99,9 +105,9 @@ def key_points(obj, name):
     return np.array([point.co for point in key.points])
 
 
-def rods():
+def rods(**options):
     """A fine rod with two bones and a coarse one: the tip's weight is 0 up to z = 1, 1 from z = 3, linear between."""
-    high, low, rig = rod("High", 16, 16), rod("Low", 4, 4), armature()
+    high, low, rig = rod("High", 16, 16), rod("Low", 4, 4), armature(**options)
     tip = np.clip((points(high)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
     scenes.weigh(high, "root", 1.0 - tip)
     scenes.weigh(high, "tip", tip)
@@ -154,12 +160,12 @@ def test_at_most_four_bones_move_a_vertex_and_their_weights_are_one():
     is_bone = np.array([True] * 6 + [False])
     source = np.array([[0.5, 0.4, 0.3, 0.2, 0.1, 0.5, 0.9], [2, 0, 0, 0, 0, 0, 0.3], [0, 0, 0, 0, 0, 0, 0.6]], float)
     before = source.copy()
-    weights = skins.normalized(source, is_bone)
+    weights = skin_weights.normalized(source, is_bone)
     np.testing.assert_allclose(weights[0, :6], source[0, :6] / 2.0)
     np.testing.assert_array_equal(weights[1, :6], [1, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(weights[2, :6], 0.0)
     np.testing.assert_array_equal(weights[:, 6], source[:, 6])
-    found = skins.limited(
+    found = skin_weights.limited(
         np.array([[*weights[0, :6], 1.2], [-0.1, 0, 0.7, 0.3, 0.00005, 0, -0.2], [0.4, 0, 0, 0, 0, 0, 0.5]]), is_bone
     )
     np.testing.assert_allclose(found[0], [0.5 / 1.7, 0.4 / 1.7, 0.3 / 1.7, 0.0, 0.0, 0.5 / 1.7, 1.0])
@@ -175,7 +181,7 @@ def test_values_of_vertices_come_nearest_to_those_of_samples():
     triangle, none = np.array([[0, 1, 2]]), np.zeros(2000, int)
     start = np.array([0.0, 1.0, 7.0])
     missing = np.stack([samples**2 - samples, 0.0 * samples], axis=1)
-    moved = skins.projected(missing, triangle, none, shares, 3)
+    moved = transfer.projected(missing, triangle, none, shares, 3)
     np.testing.assert_allclose(start + moved[:, 0], [-1.0 / 6.0, 5.0 / 6.0, 7.0], atol=0.02)
     np.testing.assert_array_equal(moved[:, 1], 0.0)
 
@@ -188,9 +194,9 @@ def test_values_of_vertices_are_those_of_least_squares():
     missing = rng.normal(0.0, 1.0, (600, 4))
     rows = np.zeros((600, 36))
     np.put_along_axis(rows, triangles[nearest], shares, axis=1)
-    pull = np.sqrt(skins.PULL * 600 / 36) * np.eye(36)
+    pull = np.sqrt(transfer.PULL * 600 / 36) * np.eye(36)
     best = np.linalg.lstsq(np.vstack([rows, pull]), np.vstack([missing, np.zeros((36, 4))]), rcond=None)[0]
-    np.testing.assert_allclose(skins.projected(missing, triangles, nearest, shares, 36), best, atol=2e-3)
+    np.testing.assert_allclose(transfer.projected(missing, triangles, nearest, shares, 36), best, atol=2e-3)
 
 
 def test_a_low_mesh_lies_on_both_sides_of_what_it_cannot_follow():
@@ -238,11 +244,11 @@ def test_places_on_the_other_side_of_a_gap_are_left_out():
     for turn in np.eye(3), np.roll(np.eye(3), 1, axis=0), np.roll(np.eye(3), 2, axis=0):
         for sign, height in ((1.0, 0.0), (-1.0, 0.1)):
             beyond = places + [0.0, 0.0, 0.02 * sign]
-            found, shares = skins.nearest_places(high @ turn, both, beyond @ turn, sign * up @ turn)
+            found, shares = transfer.nearest_places(high @ turn, both, beyond @ turn, sign * up @ turn)
             on = (shares[..., None] * (high @ turn)[both[found]]).sum(axis=1) @ turn.T
             np.testing.assert_allclose(on[:, :2], places[:, :2], atol=1e-6)
             np.testing.assert_allclose(on[:, 2], height, atol=1e-6)
-    found, _ = skins.nearest_places(high[:count], triangles, places, -up)
+    found, _ = transfer.nearest_places(high[:count], triangles, places, -up)
     assert len(found) == 50  # none looks that way: the nearest one
 
 
@@ -522,6 +528,79 @@ def test_triangles_that_are_not_finite_give_nothing():
     carried([high], [low])
     tip = np.clip((points(low)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
     assert np.abs(np.maximum(weights(low, "tip"), 0.0) - tip).max() < 0.2  # the place beside
+
+
+@pytest.mark.parametrize("pose", [0, 1])
+def test_motions_are_those_of_the_posed_objects(pose):
+    """Against Blender's own Armature modifier and shape keys: one key in each pose."""
+    high, _, rig = rods(is_chain=True)
+    add_key(high, "wide", points(high) * [1.5, 1.0, 1.0])
+    add_key(high, "tall", points(high) * [1.0, 1.0, 1.2])
+    rig.matrix_world = high.matrix_world = ODD
+    bpy.context.view_layer.update()
+    skin, origin = Skin.of([high], "VIEWPORT"), np.array([4.0, 1.0, -2.0])
+    rest = in_world(high) - origin
+    triangles = mesh_reader.corner_vertices(high.data).reshape(-1, 4)[:, :3]
+    with skin.at_rest(bpy.context):
+        motions = finish(skin.motions(bpy.context, rest, triangles, origin))
+    assert motions.shape == (2, len(rest), 3, 4)
+    for bone in ("root", "tip"):
+        rig.pose.bones[bone].rotation_mode = "XYZ"
+        rig.pose.bones[bone].rotation_euler[2 * pose] = bent_poses.ANGLE
+    high.data.shape_keys.key_blocks[("wide", "tall")[pose]].value = 1.0
+    bpy.context.view_layer.update()
+    posed = np.einsum("vij,vj->vi", motions[pose, ..., :3], rest) + motions[pose, ..., 3] + origin
+    np.testing.assert_allclose(posed, evaluated(high), atol=2e-4)
+
+
+def test_poses_turn_what_bones_move_and_no_more():
+    """Bones and keys that follow each other, and a vertex of which a half stays."""
+    rest = np.tile(np.eye(3, 4), (2, 1, 1, 1))
+    shift = np.zeros((3, 4))
+    shift[0, 3] = 2.0
+    one, other = np.ones((2, 3)), np.tile([0.0, 3.0, 0.0], (2, 1))
+    weights = np.array([[1.0], [0.5]])
+    found = bent_poses.motions(weights, rest + [[shift], [0.0 * shift]], [one, other, one])
+    np.testing.assert_allclose(found[0, :, 0, 3], [2.0 + np.sqrt(2.0), 1.0 + np.sqrt(2.0)])
+    np.testing.assert_allclose(found[1, :, :, 3], other)
+    assert bent_poses.motions(weights, rest, []) is None
+    assert len(bent_poses.motions(weights, rest, [one])) == 1  # the other pose is that at rest
+
+
+@pytest.mark.parametrize("has_skin", [False, True])
+def test_low_meshes_of_a_skin_keep_loops_at_joints(has_skin):
+    """A rod whose upper half turns with a bone: at rest it is straight, and needs no vertex along its sides."""
+    high, rig = rod("High", 16, 16), armature()
+    scenes.weigh(high, "root", points(high)[:, 2] <= 2.0)
+    scenes.weigh(high, "tip", points(high)[:, 2] > 2.0)
+    if has_skin:
+        arm(high, rig)
+    corners = mesh_reader.corner_vertices(high.data).reshape(-1, 4)
+    data = low_meshes.new_mesh(points(high), np.concatenate([corners[:, :3], corners[:, [0, 2, 3]]]))
+    places, triangles = low_meshes.arrays(data)
+    sources = low_meshes.sources_of(data, surface_samples(places, triangles, 2000), Timings(asset_limits.STAGES))
+    surface = HighSurface(places, triangles, np.zeros(3), sources, sources[0].samples, 0.0, 0.0, 0.1, len(triangles))
+    skin = Skin.of([high], "VIEWPORT")
+    with skin.at_rest(bpy.context):
+        surface = finish(asset._posed(bpy.context, skin, surface))
+    plain, collapsed = surface.sources
+    assert plain.motions is None and (collapsed.motions is not None) == has_skin
+    (low,) = collapsed.make(48)
+    z = low_meshes.arrays(low.data)[0][:, 2]
+    is_at_joint = (z > 1.5) & (z < 2.75)
+    assert (np.count_nonzero(is_at_joint) >= 8) == has_skin
+
+
+def test_halves_move_as_the_whole():
+    high = zoo.ball("High", 16)
+    data = low_meshes.new_mesh(points(high), mesh_reader.corner_vertices(high.data).reshape(-1, 3))
+    places, triangles = low_meshes.arrays(data)
+    (_, source) = low_meshes.sources_of(data, surface_samples(places, triangles, 2000), Timings(asset_limits.STAGES))
+    motions = np.tile(np.eye(3, 4), (1, len(places), 1, 1))
+    motions[0, :, :, 3] = places * 2.0
+    half = source.posed(motions).halved(Plane(0, 0.0))
+    assert half.bias < source.bias
+    np.testing.assert_allclose(half.motions[0, :, :, 3], 2.0 * low_meshes.arrays(half.dense)[0], atol=1e-5)
 
 
 def made(highs, wanted, low=None, settings=SETTINGS):

@@ -21,6 +21,7 @@ from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial_collapse
 from ...mesh.fitting import FitOptions, Samples, surface_samples
 from ...mesh.mirrors import Plane
+from ...mesh.triangles import barycentric
 from ...scene import mesh_reader, mesh_writer
 from .. import temporary
 from ..temporary import TEMPORARY
@@ -53,6 +54,8 @@ COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 REMESH_BIAS = 1.1
 """By which factor a surface with bad edges or walls inside must be better than its remeshed one: they may show later."""
+POSED_BIAS = 1.0 / 1.25
+"""The bias of a low mesh whose edges collapse by poses, too: at rest it may look that much worse."""
 MIRRORED_BIAS = 1.0 / 1.02
 """The bias of a low mesh that equals its mirror image, of a surface that does: it may look that much worse."""
 SHARP = math.radians(100.0)
@@ -93,6 +96,7 @@ class DecimationSource:
             them, Decimate makes it all.
         partial: Where these collapses go on, so far.
         left_out: How many parts it lacks, since a low mesh has no triangles for them.
+        motions: (P, V, 3, 4), of the vertices of `dense`, as CollapseOptions has them.
         mirror: Where `data` was cut in half, so that low meshes equal their mirror images; None if it was not.
     """
 
@@ -106,6 +110,7 @@ class DecimationSource:
     weights: np.ndarray | None = None
     partial: list[PartialCollapse] = field(default_factory=list)
     left_out: int = 0
+    motions: np.ndarray | None = None
     keeps_planes = False
     mirror: Plane | None = None
 
@@ -122,6 +127,13 @@ class DecimationSource:
         weights = face_weights.by_bending(*arrays(self.dense))
         return replace(self, bias=self.bias * COLLAPSE_BIAS, weights=weights, partial=[])
 
+    def posed(self, motions: np.ndarray) -> "DecimationSource":
+        """The same mesh, whose edges collapse by what they are in poses, too.
+
+        motions: (P, V, 3, 4), as the attribute.
+        """
+        return replace(self, bias=self.bias * POSED_BIAS, motions=motions, partial=[])
+
     def halved(self, plane: Plane) -> "DecimationSource":
         """The half of the same mesh beyond a plane: its low meshes are joined with their mirror images."""
         data = new_mesh(*mirrors.half(*arrays(self.data), plane))
@@ -131,9 +143,13 @@ class DecimationSource:
         )
         points, triangles = arrays(dense)
         nearest, _, _ = Surface(points, triangles).closest(samples.points.astype(np.float32))
-        weights = self.weights
+        weights, motions, whole = self.weights, self.motions, arrays(self.dense)
         if weights is not None:
-            weights = weights[Surface(*arrays(self.dense)).closest(points[triangles].mean(axis=1))[0]]
+            weights = weights[Surface(*whole).closest(points[triangles].mean(axis=1))[0]]
+        if motions is not None:
+            of, where, _ = Surface(*whole).closest(points)
+            shares = barycentric(where.astype(np.float64), whole[0][whole[1][of]].astype(np.float64))
+            motions = np.einsum("vc,pvcij->pvij", shares, motions[:, whole[1][of]])
         return replace(
             self,
             data=data,
@@ -142,6 +158,7 @@ class DecimationSource:
             outer_samples=outer_samples,
             bias=self.bias * MIRRORED_BIAS,
             weights=weights,
+            motions=motions,
             partial=[],
             mirror=plane,
         )
@@ -245,7 +262,7 @@ class DecimationSource:
         is_enough = FINER * triangles <= len(self.dense.polygons) or self.dense == self.data
         if not self.is_collapsed or not is_enough:
             return decimated(self.dense if is_enough else self.data, triangles)
-        options = CollapseOptions(triangles, self.weights, self._partial(triangles))
+        options = CollapseOptions(triangles, self.weights, self._partial(triangles), self.motions)
         coarse = new_mesh(*collapse(*arrays(self.dense), options))
         if len(coarse.polygons) <= triangles:
             return coarse
@@ -261,7 +278,7 @@ class DecimationSource:
             return None
         usable = [each for each in self.partial if len(each.triangles) >= least]
         if not usable:
-            usable = [partial_collapse(*arrays(self.dense), CollapseOptions(least, self.weights))]
+            usable = [partial_collapse(*arrays(self.dense), CollapseOptions(least, self.weights, motions=self.motions))]
             self.partial.extend(usable)
         return min(usable, key=lambda each: len(each.triangles))
 

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Squared distances from planes as quadrics of vertices: of triangles, along edges, and of triangles in a pose.
+
+Sources: Garland and Heckbert, "Surface simplification using quadric error metrics", 1997; sums over poses, of Mohr and
+Gleicher, "Deformation sensitive decimation", 2003. Here, the quadrics of all poses are brought to the rest pose before they are
+added up, so that one place is best for all.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from .topology import EdgeTable
+from .triangles import unit, unit_normals
+
+BORDER = 10.0
+"""How much the planes along open edges count, as a factor on the square of an edge's length."""
+
+Quadrics: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances from planes."""
+
+
+def quadrics_of(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:
+    """The quadrics of triangles and open edges. of_faces: (T,), the weights of triangles."""
+    corners = points[triangles]
+    normals, lengths = unit_normals(corners)
+    inner = triangles, normals, corners[:, 0], of_faces * lengths / 6.0
+    return summed([inner, border_planes(points, triangles, normals, of_faces)], len(points))
+
+
+def border_planes(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray, of_faces: np.ndarray) -> tuple:
+    """Planes through open edges, across their triangles, as `summed` takes them. normals: (T, 3). of_faces: (T,)."""
+    edges = EdgeTable.of(triangles)
+    return side_planes(points, edges, np.sort(edges.alone), normals, BORDER * of_faces)
+
+
+def side_planes(
+    points: np.ndarray, edges: EdgeTable, sides: np.ndarray, normals: np.ndarray, of_faces: np.ndarray
+) -> tuple:
+    """As `border_planes`, through some sides (N,) int of edges."""
+    face, ends = sides // 3, np.stack([edges.first[sides], edges.last[sides]], axis=1)
+    along = points[ends[:, 1]] - points[ends[:, 0]]
+    across = unit(np.cross(along, normals[face]))
+    return ends, across, points[ends[:, 0]], of_faces[face] * (along**2).sum(axis=1)
+
+
+def summed(planes: list[tuple], count: int) -> Quadrics:
+    """The quadrics of `count` vertices. planes: each of vertices (N, k) int, normals (N, 3), places on them (N, 3), and
+    weights (N,)."""
+    result = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
+    for vertices, normal, place, weight in planes:
+        distance = -(normal * place).sum(axis=1)
+        parts = (
+            weight[:, None, None] * normal[:, :, None] * normal[:, None, :],
+            (weight * distance)[:, None] * normal,
+            weight * distance**2,
+        )
+        for values, part in zip(result, parts, strict=True):
+            for column in vertices.T:
+                np.add.at(values, column, part)
+    return result
+
+
+@dataclass(eq=False)
+class Moved:
+    """The quadrics of a mesh in a pose, and to where its vertices go there.
+
+    Attributes:
+        quadrics: In the pose.
+        motions: (V, 3, 4), matrices from the rest pose. What two vertices become has one between theirs, as skin weights are.
+    """
+
+    quadrics: Quadrics
+    motions: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray, motions: np.ndarray) -> "Moved":
+        """Those of a mesh at rest. of_faces: (T,), as in `quadrics_of`."""
+        posed = (motions[..., :3] @ points[..., None])[..., 0] + motions[..., 3]
+        return cls(quadrics_of(posed, triangles, of_faces), motions)
+
+    def summed(self, a: np.ndarray, b: np.ndarray) -> Quadrics:
+        """The quadrics of what pairs of vertices (E,) and (E,) stand for, for places in the rest pose."""
+        planes, offsets, constants = (each[a] + each[b] for each in self.quadrics)
+        between = 0.5 * (self.motions[a] + self.motions[b])
+        turns, shifts = between[..., :3], between[..., 3]
+        turned, along = turns.transpose(0, 2, 1), (planes @ shifts[..., None])[..., 0]
+        constants = constants + ((along + 2.0 * offsets) * shifts).sum(axis=1)
+        return turned @ planes @ turns, (turned @ (along + offsets)[..., None])[..., 0], constants
+
+    def merge(self, ends: np.ndarray, before: np.ndarray, places: np.ndarray) -> None:
+        """Take edges (E, 2) int for their first ends. before: (E, 2, 3), where they are; places: (E, 3), where they go to."""
+        a, b = ends.T
+        along = before[:, 1] - before[:, 0]
+        shares = ((places - before[:, 0]) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300)
+        self.motions[a] += np.clip(shares, 0.0, 1.0)[:, None, None] * (self.motions[b] - self.motions[a])
+        for values in self.quadrics:
+            values[a] += values[b]
+
+    def gather(self, of_vertex: np.ndarray) -> None:
+        """Take vertices for what each has become (V,) int, with the mean of their motions."""
+        counts = np.maximum(np.bincount(of_vertex, minlength=len(of_vertex)), 1)
+        for values in (*self.quadrics, self.motions):
+            own = values.copy()
+            values[:] = 0.0
+            np.add.at(values, of_vertex, own)
+        self.motions /= counts[:, None, None]
