@@ -62,6 +62,13 @@ def of_levels(low_name: str, low_suffix: str = "") -> str:
     return low_name.removesuffix(FIRST_LEVEL) if is_low else low_name
 
 
+def of_new_levels(low_name: str, low_suffix: str = "") -> str:
+    """What new levels of detail of a low object are called after: "crate_low" also for "crate_low_LOD0.001", as Blender calls
+    the first level while an object that no scene shows has its name. low_suffix: as in without_suffix."""
+    plain = _COPY_NUMBER.sub("", low_name)
+    return of_levels(plain if plain.endswith(FIRST_LEVEL) else low_name, low_suffix)
+
+
 def has_low(text: str) -> bool:
     """Whether low objects of other names have other texts."""
     return LOW in text or NAME in text

@@ -255,7 +255,7 @@ class _Making:
         Raises BakeError."""
         lows, home = list(known), self._home(known[0].obj if known else job.highs[0])
         name = known[0].obj.name if known else naming.low_name_of(job.highs[0].name, self.suffixes)
-        shared_name = naming.of_levels(name, self.suffixes.low)
+        shared_name = naming.of_new_levels(name, self.suffixes.low)
         if wanted.levels and (wanted.owns_textures or not known):
             home = self._collection(shared_name, home)
         names = [name if known or not wanted.levels else name + naming.FIRST_LEVEL]
@@ -277,7 +277,7 @@ class _Making:
     def sharing(self, low: Low, job: Job, timings: Timings) -> Task[list[Low]]:
         """Levels of detail that show the textures of a low object, which has its UV map, until one is not coarser. job: of its
         bake."""
-        wanted, name = low.wanted, naming.of_levels(low.obj.name, self.suffixes.low)
+        wanted, name = low.wanted, naming.of_new_levels(low.obj.name, self.suffixes.low)
         room = unwrapping.margin(self.settings.sampling)
         modifiers = self.settings.map.modifiers
         original = decimation.read_original(

@@ -816,6 +816,15 @@ def test_levels_are_called_after_any_suffix():
     assert reports[0].image == "Ball_game_normal"
 
 
+def test_levels_have_no_number_of_another_object_within_their_names():
+    """Where a script has removed the collection of an earlier press, its objects keep their names."""
+    ball, wanted = zoo.ball("Ball", 16), Wanted(triangles=400, levels=1)
+    finish(task([ball], wanted))
+    bpy.data.collections.remove(bpy.data.collections["Ball_low_LODs"])
+    assert [report.low for report in finish(task([ball], wanted))] == ["Ball_low_LOD0.001", "Ball_low_LOD1.001"]
+    assert [each.name for each in bpy.data.collections] == ["Ball_low_LODs"]
+
+
 @pytest.mark.parametrize("levels", [0, 1])
 def test_an_asset_lies_in_a_collection_that_is_seen(levels):
     """And not in one that the view layer leaves out, where the high object is, too."""
