@@ -316,17 +316,17 @@ class _Making:
     def _with_common_normals(
         self, lows: Sequence[Low], source: LayoutSource, levels: Sequence[SharedLevel]
     ) -> Task[None]:
-        """Give a low object and its levels the normals that the coarsest one can have, if the levels look better with the map
-        that counts from these. levels: their meshes."""
+        """Give a low object and its levels normals that differ as little as can be between them, if the levels look better with
+        the map that counts from these. levels: their meshes."""
         before = yield from part(self._errors(lows), 0.0, 0.5)
         if not before:
             return
         meshes = [low.obj.data for low in lows]
         own = list(map(shared_levels.custom_normals, meshes))
-        common = source.normals_like(levels[-1])
+        common, *others = source.common_normals(levels)
         source.give(meshes[0], common)
-        for level in levels:
-            shared_levels.set_normals(level.data, source.carried_to(level.charted, common))
+        for level, normals in zip(levels, others, strict=True):
+            shared_levels.set_normals(level.data, normals)
         after = yield from part(self._errors(lows), 0.5, 1.0)
         ratios = np.array(after or [np.inf]) / np.maximum(before, 1e-6)
         if ratios[0] > WORSE or ratios.mean() > BETTER:

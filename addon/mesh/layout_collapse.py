@@ -184,7 +184,7 @@ class LayoutState(State):
         corners = np.where((owners[kept] >= 0)[..., None], places[number][:, None], self.points[self.triangles[kept]])
         areas, scales, layers = np.linalg.norm(face_normals(corners), axis=1), self.scales[kept], self.scales.shape[1]
         now = _uv_areas(values[target[self.wedges[kept]]], layers)
-        is_bad = (now * np.sign(scales) < LEAST_UV_AREA * areas[:, None] * np.abs(scales)) & (scales != 0.0)
+        is_bad = now * np.sign(scales) < LEAST_UV_AREA * areas[:, None] * np.abs(scales)
         is_good[number[is_bad.any(axis=1)]] = False
         _, number, far = self._moved_borders(edges, which, stay, target, values)
         is_good[number[far > self.room]] = False

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.mesh.carried_normals import carried_normals
+from addon.mesh.carried_normals import INNER, KEPT, LaidOut, carried_normals, common_normals
 from addon.mesh.collapse import CollapseOptions
-from addon.mesh.layout_collapse import Charted, collapse_layout
+from addon.mesh.layout_collapse import LEAST_UV_AREA, Charted, LayoutState, collapse_layout
 from addon.mesh.topology import EdgeTable
-from addon.mesh.triangles import face_normals, unit
+from addon.mesh.triangles import face_areas, face_normals, unit
 from tests.pure.test_collapse import grid
 from tests.pure.test_fitting import sphere
 
@@ -120,16 +120,121 @@ def test_borders_move_outwards_within_their_room(room):
     assert (len(inner) == 48) == (room == 0.0)
 
 
-def test_nothing_folds_in_a_layout_that_is_a_swirl():
-    """It turns by three radians from the middle to the corners of a flat square."""
+def test_borders_of_mirrored_islands_move_outwards_alike():
+    mesh = annulus()
+    mirrored = replace(mesh, values=mesh.values * [-1.0, 1.0])
+    one, other = (collapse_layout(each, CollapseOptions(40), 0.0008) for each in (mesh, mirrored))
+    assert one.points == pytest.approx(other.points, abs=1e-9) and np.array_equal(one.triangles, other.triangles)
+
+
+def begun(mesh):
+    """A state with the table of its edges, and where all of these would collapse to."""
+    state = LayoutState(mesh, CollapseOptions(1), ROOM)
+    edges = EdgeTable.of(state.triangles, len(state.points))
+    state._allowed(edges)
+    return state, edges, state._placed(edges, np.arange(len(edges.ends)))[0]
+
+
+@pytest.mark.parametrize("stays", [0, 1])
+def test_a_border_moves_as_far_as_the_chord_is_from_the_vertex_that_goes(stays):
+    """At both ends of an edge of the hole, whichever goes. And how far it had moved before counts, too."""
+    state, edges, _ = begun(annulus())
+    which = np.flatnonzero((edges.ends < 48).all(axis=1))[:1]
+    state._stays[which] = stays
+    gone = edges.ends[which, 1 - stays]
+    after = state._after(edges, which, state.points[edges.ends[which, stays]])
+    chord = 0.1 * (1.0 - np.cos(2.0 * np.pi / 48))
+    assert state._moved_borders(edges, which, *after)[2].max() == pytest.approx(chord)
+    corners = state.triangles.reshape(-1)
+    for vertex in (gone, edges.ends[which, stays]):
+        state.drift[:] = 0.0
+        state.drift[state.wedges.reshape(-1)[corners == vertex]] = 0.5
+        assert state._moved_borders(edges, which, *after)[2].max() == pytest.approx(0.5 + chord)
+
+
+def test_ends_of_edges_stay_on_lines_and_where_lines_meet():
+    """On a square of two islands, even where to leave lines costs nothing, and to move what is on none much. The lines are the
+    rim and x = 0, which meet where x = 0 and y is 1 or -1."""
+    points, triangles = grid(4)
+    islands = (points[triangles].mean(axis=1)[:, 0] > 0.0).astype(int)
+    state, edges, _ = begun(charted(points, triangles, islands, LEFT, RIGHT))
+    inner = (np.abs(points[:, :2]) < 1.0).all(axis=1) & (points[:, 0] != 0.0)
+    state._planes[:] = inner[:, None, None] * np.eye(3)
+    state._offsets[:] = inner[:, None] * -state.points
+    state._constants[:] = inner * (state.points**2).sum(axis=1)
+    state._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+    places = state._placed(edges, np.arange(len(edges.ends)))[0]
+    ends = state.points[edges.ends]
+    x, y = points[edges.ends][..., 0], points[edges.ends][..., 1]
+    on_line = (np.abs(x) == 1.0) | (np.abs(y) == 1.0) | (x == 0.0)
+    along = ((np.abs(x) == 1.0) & (x[:, :1] == x)).all(axis=1) | ((np.abs(y) == 1.0) & (y[:, :1] == y)).all(axis=1)
+    along |= (x == 0.0).all(axis=1)
+    meets = (x == 0.0) & (np.abs(y) == 1.0)
+    at_end = (places[:, None] == ends).all(axis=2)
+    to_line = on_line.sum(axis=1) == 1
+    assert to_line.any() and np.array_equal(at_end[to_line], on_line[to_line])
+    across = on_line.all(axis=1) & ~along
+    assert across.any() and at_end[across].any(axis=1).all()
+    assert meets.any() and at_end[meets.any(axis=1)].any(axis=1).all()
+
+
+def test_where_lines_meet_stays_on_a_flat_square():
+    """There alone the planes along both lines cost nothing."""
+    points, triangles = grid(4)
+    islands = (points[triangles].mean(axis=1)[:, 0] > 0.0).astype(int)
+    state, edges, places = begun(charted(points, triangles, islands, LEFT, RIGHT))
+    seam = (points[edges.ends][..., 0] == 0.0).all(axis=1) & (np.abs(points[edges.ends][..., 1]) == 1.0).any(axis=1)
+    outer = np.abs(points[edges.ends[seam]][..., 1]).argmax(axis=1)
+    assert seam.sum() == 2
+    assert np.array_equal(places[seam], state.points[edges.ends[seam, outer]])
+
+
+def test_values_are_those_of_the_place_along_the_edge():
+    points, triangles = grid(4)
+    state, edges, _ = begun(charted(points, triangles, np.zeros(len(triangles), int), LEFT))
+    inner = np.flatnonzero((np.abs(points[edges.ends][..., :2]) < 1.0).all(axis=(1, 2)))[:1]
+    a, b = state.points[edges.ends[inner]].transpose(1, 0, 2)
+    _, target, values = state._after(edges, inner, 0.75 * a + 0.25 * b)
+    first, last = points[edges.ends[inner[0]]]
+    expected = np.array(LEFT) @ [*(0.75 * first + 0.25 * last), 1.0]
+    touching = np.isin(state.triangles, edges.ends[inner])
+    assert values[target[state.wedges[touching]], :2] == pytest.approx(np.tile(expected, (touching.sum(), 1)))
+
+
+@pytest.mark.parametrize("layer", [0, 1])
+def test_nothing_folds_in_a_layout_that_is_a_swirl(layer):
+    """It turns by three radians from the middle to the corners of a flat square. The other layer is the square itself."""
     points, triangles = grid(24)
     turned = points[:, 0] + 1j * points[:, 1]
     turned *= np.exp(3j * np.abs(turned) / np.sqrt(2.0))
     uv = 0.5 + 0.3 * np.stack([turned.real, turned.imag], axis=1)
-    mesh = Charted(points, triangles, uv[triangles], np.zeros(len(triangles), int))
-    assert uv_areas(mesh).min() > 0.0
-    for count in (300, 100, 30):
-        assert uv_areas(collapse_layout(mesh, CollapseOptions(count), 1.0)).min() > 0.0
+    layers = [points[triangles][..., :2]] * 2
+    layers[layer] = uv[triangles]
+    mesh = Charted(points, triangles, np.concatenate(layers, axis=2), np.zeros(len(triangles), int), 2)
+
+    def scales(each):
+        of_layer = replace(each, values=each.values[..., 2 * layer : 2 * layer + 2])
+        return uv_areas(of_layer) / (0.5 * np.linalg.norm(face_normals(each.points, each.triangles), axis=1))
+
+    assert scales(mesh).min() > 0.0
+    for count in (100, 30):
+        coarse = collapse_layout(mesh, CollapseOptions(count), 1.0)
+        assert (scales(coarse) >= LEAST_UV_AREA * scales(mesh)[coarse.faces] * (1.0 - 1e-9)).all()
+
+
+def test_a_line_that_ends_within_an_island_is_one():
+    """A slit from the middle of a square to its rim: at its end, both of its sides have one wedge."""
+    points, triangles = grid(4)
+    mesh = charted(points, triangles, np.zeros(len(triangles), int), LEFT)
+    is_right = points[triangles].mean(axis=1)[:, 0] > 0.0
+    corners = points[triangles]
+    at_slit = is_right[:, None] & (corners[..., 0] == 0.0) & (corners[..., 1] > 0.0)
+    values = mesh.values.copy()
+    values[at_slit, 0] += 0.05
+    slit = replace(mesh, values=values)
+    middle = np.flatnonzero((points[:, :2] == 0.0).all(axis=1))
+    assert len(np.unique(slit.wedges[triangles == middle])) == 1
+    assert slit.on_line[middle].all() and not mesh.on_line[middle].any()
 
 
 def test_borders_of_three_islands_meet_where_they_met():
@@ -190,3 +295,57 @@ def test_normals_of_a_thin_wall_are_of_their_own_side():
     twice = np.concatenate([few, few[:, ::-1] + len(coarse)])
     found = carried_normals((whole[both], normals), below[twice], below[twice], twice)
     assert found[: len(few), :, 2] == pytest.approx(1.0) and found[len(few) :, :, 2] == pytest.approx(-1.0)
+
+
+def bumpy(n, seed=7):
+    """A flat grid with random normals near the vertical, one at each vertex."""
+    points, triangles = grid(n)
+    normals = unit(np.random.default_rng(seed).normal(0.0, 0.1, points.shape) + [0.0, 0.0, 1.0])
+    return LaidOut(points[triangles], points[triangles], triangles, normals[triangles])
+
+
+def test_common_normals_of_equal_meshes_are_their_own():
+    fine = bumpy(4)
+    for found in common_normals([fine, fine, fine]):
+        assert found == pytest.approx(fine.normals, abs=1e-6)
+
+
+def test_common_normals_are_the_least_squares_of_all_levels():
+    """Against a dense solution by another method. The diagonal of the quad is one of the grid's lines, so that each place's
+    barycentric coordinates on it follow from its coordinates."""
+    fine, (points, few) = bumpy(2), grid(1)
+    quad = LaidOut(points[few], points[few], few, np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)))
+    places = np.einsum("kc,tcx->tkx", INNER, fine.places).reshape(-1, 3)
+    weights = np.repeat(np.sqrt(face_areas(fine.corners)), len(INNER))[:, None]
+    of_fine, of_quad = np.zeros((len(places), 9)), np.zeros((len(places), 4))
+    rows = np.arange(len(places))[:, None]
+    of_fine[rows, np.repeat(fine.wedges, len(INNER), axis=0)] = np.tile(INNER, (len(fine.wedges), 1))
+    for row, place in enumerate(places):
+        for corners in few:
+            shares = np.linalg.solve(np.vstack([points[corners][:, :2].T, np.ones(3)]), [*place[:2], 1.0])
+            if shares.min() > -1e-9:
+                of_quad[row, corners] = shares
+    wanted = np.einsum("kc,tcx->tkx", INNER, fine.normals).reshape(-1, 3)
+    nothing = np.zeros_like(of_quad)
+    matrix = np.block([[of_fine * weights, -of_quad * weights], [of_fine * weights * KEPT**0.5, nothing]])
+    right = np.concatenate([0.0 * wanted, wanted * weights * KEPT**0.5])
+    expected = unit(np.linalg.lstsq(matrix, right, rcond=None)[0])
+    found = common_normals([fine, quad])
+    assert found[0] == pytest.approx(expected[:9][fine.wedges], abs=1e-6)
+    assert found[1] == pytest.approx(expected[9:][quad.wedges], abs=1e-6)
+    assert not np.allclose(found[0], fine.normals, atol=0.03)
+
+
+def test_what_a_level_does_not_show_keeps_its_normals():
+    """An island that no level has: that of a level which is nearest to it in the layout says nothing about it."""
+    fine, up = bumpy(2), np.array([0.0, 0.0, 2.0])
+    two = LaidOut(
+        np.concatenate([fine.places, fine.places + up]),
+        np.concatenate([fine.corners, fine.corners]),
+        np.concatenate([fine.wedges, fine.wedges + 9]),
+        np.concatenate([fine.normals, fine.normals]),
+    )
+    flat = replace(fine, normals=np.broadcast_to([0.0, 0.0, 1.0], fine.normals.shape))
+    count = len(fine.wedges)
+    found = common_normals([two, flat])[0]
+    assert found[count:] == pytest.approx(fine.normals, abs=1e-6)

@@ -5,6 +5,7 @@ Their vertices move onto the high surface, their UVs to where the low mesh has t
 those of the low mesh, from which a normal map in tangent space counts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from ...core import foreach
 from ...mesh import coarser_uvs, fitting, topology
-from ...mesh.carried_normals import carried_normals, normals_at
+from ...mesh.carried_normals import LaidOut, carried_normals, common_normals
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
@@ -25,8 +26,8 @@ from .decimation import UvMesh
 
 CUSTOM = "custom_normal"
 """The attribute of custom normals."""
-FARTHEST_COSINE = 0.5
-"""The least cosine between a face of the low mesh and a normal that it has from a level."""
+FARTHEST_COSINE = 0.2
+"""The least cosine between a face of the low mesh and a normal that it shares with levels."""
 APART = 2.0
 """How far islands lie apart where places in the layout are looked for: those that share texels are other ones."""
 FITTED = 30_000
@@ -80,16 +81,27 @@ class LayoutSource:
         cosines = (self._normals * faces[:, None]).sum(axis=2)
         return float(np.average(np.degrees(np.arccos(cosines.clip(-1.0, 1.0))).mean(axis=1), weights=areas))
 
-    def normals_like(self, level: "SharedLevel") -> np.ndarray:
-        """The normals (T, 3, 3) at corners of the low mesh that a level has in the same places of the layout, but not far from
-        the faces: levels of any fineness can have them."""
-        normals = mesh_reader.corner_normals(level.data).reshape(-1, 3, 3).astype(np.float64)
-        places = self._in_layout(self._charted, np.arange(len(self._charted.triangles)))
-        found = normals_at(self._in_layout(level.charted, level.charted.faces), normals, places.reshape(-1, 3))
-        found = found.reshape(-1, 3, 3)
+    def common_normals(self, levels: Sequence["SharedLevel"]) -> list[np.ndarray]:
+        """Normals (T, 3, 3) at corners of the low mesh and of its levels, that differ as little as can be in the same places of
+        the layout. Those of the low mesh are not far from its faces."""
         points, triangles = self._surface
+        everything = np.arange(len(triangles))
+        own = LaidOut(
+            self._in_layout(self._charted, everything), points[triangles], self._charted.wedges, self._normals
+        )
+        others = [
+            LaidOut(
+                self._in_layout(each.charted, each.charted.faces),
+                each.charted.points[each.charted.triangles],
+                each.charted.wedges,
+                mesh_reader.corner_normals(each.data).reshape(-1, 3, 3).astype(np.float64),
+            )
+            for each in levels
+        ]
+        found, *of_levels = common_normals([own, *others])
         faces = unit_normals(points[triangles])[0][:, None]
-        return np.where((found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE, found, self._normals)
+        is_near = (found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE
+        return [np.where(is_near, found, self._normals), *of_levels]
 
     def carried_to(self, coarse: Charted, normals: np.ndarray) -> np.ndarray:
         """The normals (N, 3, 3) of a level, as near as they can be to those (T, 3, 3) of the low mesh."""
