@@ -7,6 +7,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
@@ -84,6 +85,22 @@ def finish(work: Task[Result], on_progress: Callable[[Progress], None] | None = 
         return end.value
     finally:
         work.close()
+
+
+def aside(work: Callable[[], Result], step: Progress) -> Task[Result]:
+    """The result of `work`, which runs on a thread of its own: numpy's long steps have none in between.
+
+    If the task is closed early, the thread goes on to its end: `work` changes nothing that others see, and calls no Blender.
+
+    Args:
+        step: yielded every LONGEST seconds until then.
+    """
+    pool = ThreadPoolExecutor(1, "imprint aside")
+    job = pool.submit(work)
+    pool.shutdown(wait=False)  # the thread ends with its work
+    while not wait([job], LONGEST).done:
+        yield step
+    return job.result()
 
 
 def run_for(work: Task[Result], seconds: float) -> Progress:

@@ -16,6 +16,9 @@ MEASURED = 20_000
 """How many samples of a surface are mirrored to measure it."""
 OFF, SHARE = 0.001, 0.995
 """The share of the size of the box by which mirrored samples may be off the surface, and the share that keeps to it."""
+FIRST_MEASURED, FIRST_SHARE = 1000, 0.97
+"""How many samples are mirrored first, and the share of them below which the others are not: most surfaces have no plane. By
+chance, so few never keep to one that there is."""
 SAME_COSINE = 0.9
 """The cosine between the normals of a mirrored sample and of the surface there, from which it is the same place."""
 NEAR, NEAR_AS_A_WHOLE = 0.25, 0.75
@@ -68,12 +71,16 @@ def plane_of(
     least, most = used.min(axis=0), used.max(axis=0)
     size, some = float((most - least).max()), samples.spread(MEASURED)
     surface, (normals, _) = Surface(points, triangles), unit_normals(points, triangles)
+
+    def share(plane: Plane, samples: Samples) -> float:
+        nearest, _, squares = surface.closest(plane.mirrored(samples.points).astype(np.float32))
+        is_same = (Plane(plane.axis, 0.0).mirrored(samples.normals) * normals[nearest]).sum(axis=1) > SAME_COSINE
+        return float(np.mean(is_same & (squares <= (OFF * size) ** 2)))
+
     for axis in axes:
         middle = float(least[axis] + most[axis]) / 2.0
         plane = Plane(axis, 0.0 if abs(middle) <= OFF * size else middle)
-        nearest, _, squares = surface.closest(plane.mirrored(some.points).astype(np.float32))
-        is_same = (Plane(axis, 0.0).mirrored(some.normals) * normals[nearest]).sum(axis=1) > SAME_COSINE
-        if np.mean(is_same & (squares <= (OFF * size) ** 2)) >= SHARE:
+        if share(plane, some.spread(FIRST_MEASURED)) >= FIRST_SHARE and share(plane, some) >= SHARE:
             return plane
     return None
 

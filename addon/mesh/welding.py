@@ -106,8 +106,9 @@ def cluster(points: np.ndarray, triangles: np.ndarray, options: ClusterOptions) 
         of_corners, ends = cells[triangles], []
         for first, last in ((0, 1), (1, 2), (2, 0)):
             ends.append(triangles[of_corners[:, first] == of_corners[:, last]][:, [first, last]])
-        cells = topology.connected(len(points), *np.concatenate(ends).T)
-    _, numbers = np.unique(cells, return_inverse=True)
+        _, numbers = topology.numbered(topology.connected(len(points), *np.concatenate(ends).T))
+    else:
+        _, numbers = np.unique(cells, return_inverse=True)
     counts = np.bincount(numbers)
     middles = topology.sums_of(numbers, points, len(counts)) / counts[:, None]
     joined = numbers[triangles]

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Game assets of high objects: a sphere by closed forms, what is there is kept, and nothing remains of a failure."""
 
+import threading
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -250,6 +252,22 @@ def test_a_triangle_of_which_a_corner_is_seen_stays():
         points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
         top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
     assert len(top) == 2
+
+
+def test_arrays_are_read_aside(monkeypatch):
+    """So that the window does not freeze."""
+    threads = []
+
+    def noted(function, *arguments):
+        threads.append(threading.current_thread())
+        return function(*arguments)
+
+    monkeypatch.setattr(high_surface, "weld", partial(noted, high_surface.weld))
+    monkeypatch.setattr(high_surface.mirrors, "plane_of", partial(noted, high_surface.mirrors.plane_of))
+    ball = zoo.ball("Ball", 12)
+    with temporary.meshes():
+        finish(high_surface.read(bpy.context, Job(ball, [ball]), SETTINGS, Timings(STAGES)))
+    assert len(threads) == 3 and threading.main_thread() not in threads
 
 
 def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):

@@ -62,6 +62,13 @@ def test_the_sides_have_the_same_normals(slope, is_found):
     assert (found is not None) == is_found
 
 
+def test_what_has_no_plane_is_seen_from_few_samples(monkeypatch):
+    asked, closest = [], mirrors.Surface.closest
+    monkeypatch.setattr(mirrors.Surface, "closest", lambda *every: asked.append(len(every[1])) or closest(*every))
+    assert plane_of(WEDGE + 0.2 * WEDGE[:, [1, 2, 0]]) is None and len(asked) == 3
+    assert max(asked) < 2 * mirrors.FIRST_MEASURED
+
+
 def test_nothing_has_no_plane():
     empty = np.zeros((0, 3)), np.zeros((0, 3), int)
     assert mirrors.plane_of(*empty, surface_samples(*empty, 10)) is None

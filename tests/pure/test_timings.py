@@ -3,6 +3,7 @@
 
 import itertools
 import re
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,10 +19,13 @@ from addon.core.progress import (
     STAGES,
     STARTUP,
     Pace,
+    Progress,
     Redraws,
     Startup,
     Timings,
+    aside,
     costs_of_rows,
+    finish,
 )
 
 
@@ -263,3 +267,26 @@ def test_most_slices_draw_no_picture(monkeypatch):
         clock.now += 0.05
     assert slices >= 400
     assert 20.0 / (Pace.PICTURES + 0.05) <= pictures <= 20.0 / Pace.PICTURES + 1
+
+
+def test_what_runs_aside_has_steps_until_it_ends():
+    goes_on, step = threading.Event(), Progress("Sorting", 0.5)
+    task = aside(lambda: goes_on.wait(2.0), step)
+    assert next(task) is step
+    goes_on.set()
+    assert finish(task)
+
+
+def test_what_fails_aside_raises_its_error():
+    with pytest.raises(ZeroDivisionError):
+        finish(aside(lambda: 1 // 0, Progress("", 0.0)))
+
+
+def test_who_leaves_does_not_wait_for_what_runs_aside():
+    goes_on, ends = threading.Event(), threading.Event()
+    task = aside(lambda: goes_on.wait(2.0) and ends.set(), Progress("", 0.0))
+    next(task)
+    task.close()
+    assert not ends.is_set()
+    goes_on.set()
+    assert ends.wait(2.0)
