@@ -270,7 +270,7 @@ class AngleCounts:
         if len(angles):
             # The bits of numbers that are not negative have the order of the numbers.
             bins = np.clip(angles, np.float32(0.0), np.float32(180.0)).astype(np.float32).view(np.int32) >> DROPPED
-            self._counts += weight * np.bincount(bins, minlength=BINS)
+            np.add.at(self._counts, bins, weight)  # counts of all bins would be far more numbers
             self._largest, self._is_any = max(self._largest, float(angles.max())), True
 
     def results(self) -> dict[str, float | int]:
