@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core import foreach
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
-from ..mesh.triangles import vertex_normals
+from ..mesh.triangles import unit_normals, vertex_normals
 from . import mesh_writer, steady_tangents
 
 SHORTEST = 1e-18
@@ -175,11 +175,16 @@ def _with_lengths(mesh: Mesh, data: bpy.types.Mesh) -> Mesh:
 
 
 def _filled(normals: np.ndarray, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Normals by corner (C, 3) float32, where those without a length are smooth ones, and which corners (C,) lacked it."""
+    """Normals by corner (C, 3) float32, where those without a length are smooth ones, and which corners (C,) lacked it. Where
+    the faces around cancel out, they are those of the faces, and along z for faces without an area."""
     lacks = np.einsum("ij,ij->i", normals, normals) < SHORTEST**2
     if lacks.any():
-        smooth = vertex_normals(mesh.positions.astype(np.float64), mesh.vertices[mesh.triangles])[mesh.vertices]
-        normals = np.where(lacks[:, None], smooth, normals).astype(np.float32)
+        points, corners = mesh.positions.astype(np.float64), mesh.vertices[mesh.triangles]
+        filled, of_faces = vertex_normals(points, corners)[mesh.vertices], np.zeros((len(normals), 3))
+        of_faces[mesh.triangles] = unit_normals(points, corners, np.float64)[0][:, None]
+        for others in (of_faces, np.array([[0.0, 0.0, 1.0]])):
+            filled = np.where(filled.any(axis=1, keepdims=True), filled, others)
+        normals = np.where(lacks[:, None], filled, normals).astype(np.float32)
     return normals, lacks
 
 

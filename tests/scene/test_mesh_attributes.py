@@ -372,3 +372,16 @@ def test_every_mode_has_the_weights(mode):
         reading.read_again(bpy.context, low, [high], None, settings),
     ):
         assert np.array_equal(meshes.offset, np.where(meshes.low.vertices < 3, 0.0, 1.0))
+
+
+def test_corners_without_a_normal_get_that_of_their_face_where_faces_cancel_out():
+    """A triangle and itself turned over, and one without an area."""
+    data = bpy.data.meshes.new("Both")
+    data.from_pydata(
+        [(0, 0, 0), (1, 0, 0), (0, 1, 0), (3, 0, 0), (4, 0, 0), (5, 0, 0)], [], [(0, 1, 2), (0, 2, 1), (3, 4, 5)]
+    )
+    data.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.tile(np.float32([0, 0, 1, 0, 0, 1]), 3))
+    data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+    mesh = mesh_reader.with_tangents(data, "UVMap", "both", np.eye(4))
+    assert mesh.without_normals == 3
+    assert mesh.normals.reshape(3, 3, 3)[:, :, 2].tolist() == [[1, 1, 1], [-1, -1, -1], [1, 1, 1]]
