@@ -553,6 +553,32 @@ def test_motions_are_those_of_the_posed_objects(pose):
     np.testing.assert_allclose(posed, evaluated(high), atol=2e-4)
 
 
+@pytest.mark.parametrize("is_override", [False, True])
+def test_rigs_of_libraries_are_rigs(is_override, tmp_path):
+    """With a constraint of a bone, which the rest pose does not have."""
+    high, low, rig = rods()
+    bend(rig)
+    rig.pose.bones["root"].constraints.new("DAMPED_TRACK").target = high
+    bpy.data.libraries.write(str(tmp_path / "rig.blend"), {high, rig}, fake_user=True)
+    for obj in (high, rig):
+        bpy.data.objects.remove(obj)
+    with bpy.data.libraries.load(str(tmp_path / "rig.blend"), link=True) as (_, into):
+        into.objects = ["High", "rig"]
+    high, rig = map(scenes.link, into.objects)
+    if is_override:
+        high, rig = (obj.override_create(remap_local_usages=True) for obj in (high, rig))
+        high.modifiers[0].object = rig
+    bpy.context.view_layer.update()
+    posed = evaluated(high)
+    assert np.abs(posed - points(high)).max() > 0.5
+    with Skin.of([high], "VIEWPORT").at_rest(bpy.context):
+        np.testing.assert_allclose(evaluated(high), points(high), atol=1e-6)
+    np.testing.assert_array_equal(evaluated(high), posed)
+    assert carried([high], [low]) == [] and low.modifiers[0].object == rig
+    tip = np.clip((points(low)[:, 2] - 1.0) / 2.0, 0.0, 1.0)
+    np.testing.assert_allclose(np.maximum(weights(low, "tip"), 0.0), tip, atol=1e-6)
+
+
 def test_poses_turn_what_bones_move_and_no_more():
     """Bones and keys that follow each other, and a vertex of which a half stays."""
     rest = np.tile(np.eye(3, 4), (2, 1, 1, 1))
