@@ -75,7 +75,7 @@ def warnings(low: Mesh, stacked: Check) -> Iterator[Sentence]:
         yield Sentence(
             f"{stacked['hidden']:,} triangles of {low.name!r} show the detail of other parts with the same UVs, and on "
             f"{stacked['differing']:.1%} of their texels it is more than {DIFFERENT:.0f} degrees from their own. "
-            "Give these parts UVs of their own.",
+            "If they need it, Unwrap without Stack Mirrored gives them UVs of their own.",
             LOOK,
             severity.OTHER_DETAIL,
             stacked["differing"],

@@ -419,7 +419,7 @@ WRONG = {
     "UVs that overlap": (overlapping, ".+ of the texels of 'lo' belong to two or more"),
     "mirrored halves that differ": (
         asymmetric,
-        r"8 triangles of 'lo' show the detail of other parts with the same UVs, and on \d+",
+        r"8 triangles of 'lo' show the detail of other parts with the same UVs, and on \d+.+ Unwrap without Stack Mirrored",
     ),
     "halves that differ side by side": (lambda: asymmetric(offset=1.0), "8 triangles of 'lo' show the detail of other"),
     "materials that share UVs": (
