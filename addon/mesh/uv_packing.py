@@ -157,9 +157,14 @@ def upright(outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
     is_straight = near[np.arange(count), most] >= STRAIGHT * np.maximum(bins.sum(axis=1), 1e-300)
     middle = (most + 0.5) * step
     away = (angle - middle[owner] + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi
-    weights = np.where(np.abs(away) <= 1.5 * step, length, 0.0)
-    total = np.bincount(owner, weights, count)
-    middle += np.bincount(owner, weights * away, count) / np.where(total > 0.0, total, 1.0)
+    # The median of what is near, by length: borders that are not quite parallel turn no rectangle.
+    is_near = np.flatnonzero(np.abs(away) <= 2.0 * step)
+    is_near = is_near[np.lexsort((away[is_near], owner[is_near]))]
+    total = np.bincount(owner[is_near], length[is_near], count)
+    so_far = np.cumsum(length[is_near]) - (np.cumsum(total) - total)[owner[is_near]]
+    is_past = so_far >= 0.5 * total[owner[is_near]]
+    halves, first = np.unique(owner[is_near[is_past]], return_index=True)
+    middle[halves] += away[is_near[is_past][first]]
     least, smallest = np.full(count, np.inf), np.zeros(count)
     for turn in np.arange(0.0, 0.5 * np.pi, 2.0 * step).tolist():
         low, high = replace(outlines, points=_turned(outlines.points, -turn)).boxes()

@@ -209,6 +209,19 @@ def test_straight_borders_run_along_the_axes():
     assert steps.min(axis=1) == pytest.approx([0.0] * 3, abs=1e-9)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 1.5, 20.0, 88.5])
+def test_borders_that_are_nearly_parallel_turn_no_rectangle(degrees):
+    """A trapezoid, whose ends slant by 1.5 and 1.2 degrees: its parallel sides lie along an axis."""
+    slant = np.tan(np.radians([1.5, 1.2])) * 2.0
+    around = np.array([(0.0, 0.0), (3.0, 0.0), (3.0 - slant[0], 2.0), (slant[1], 2.0)])
+    turn = np.radians(degrees)
+    around = around @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    corners = around[[[0, 1, 2], [0, 2, 3]]]
+    (angle,), (is_straight,) = uv_packing.upright(uv_cells.Outlines.around(corners, np.zeros(2, int)))
+    off = (np.degrees(angle) + degrees + 45.0) % 90.0 - 45.0
+    assert off == pytest.approx(0.0, abs=1e-9) and is_straight
+
+
 def test_without_straight_borders_the_box_is_the_smallest():
     """An ellipse, turned by 30 degrees: its box along its own axes is the smallest."""
     angles = 2.0 * np.pi * np.arange(91) / 90
