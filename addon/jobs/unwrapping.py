@@ -52,6 +52,10 @@ MUCH, FULL = 1.4, 0.85
 figure is above the second number, nearly."""
 STRAIGHT = 0.98
 """Straight strips are taken if they leave this share of the figure."""
+NEIGHBORS = 4
+"""With so many neighbors a small chart is joined, one after the other, until that pays."""
+JOINED = 0.995
+"""Joined small charts are taken if they leave this share of the figure."""
 CHARTS, SMART = "charts", "Smart Project"
 """Names of ways."""
 ANGLE = np.radians(66.0)
@@ -354,8 +358,9 @@ class _Unwrapping:
 
     def finished(self, packed: Packed) -> Task[Packed]:
         """With borders that are shorter, with less stretch, with strips that are straight: what comes of it."""
-        way = yield from part(self._smoothed(packed.way), 0.0, 0.2)
-        way = replace(way, flattened=(yield from part(self._flattener.relaxed(way.flattened), 0.2, 0.6)))
+        way = yield from part(self._smoothed(packed.way), 0.0, 0.1)
+        way = yield from part(self._without_crumbs(way), 0.1, 0.3)
+        way = replace(way, flattened=(yield from part(self._flattener.relaxed(way.flattened), 0.3, 0.6)))
         last = yield from part(self.packed(way), 0.6, 0.8)
         best = max(packed, last, key=lambda each: each.layout.figure)
         straight = self.straightened(best.way)
@@ -373,6 +378,22 @@ class _Unwrapping:
         after = yield from self._flattener.flattened(labels, known=before)
         costs = [(2.0 * each.stretch + self._prices(each)).sum() for each in (before, after)]
         return replace(way, flattened=after) if costs[1] < costs[0] else way
+
+    def _without_crumbs(self, way: Unwrapped) -> Task[Unwrapped]:
+        """With charts whose borders cost more than their areas joined with others, where that pays."""
+        charts, flattened = self._flattener.charts, way.flattened
+        for rank in range(NEIGHBORS if way.name == CHARTS else 0):
+            areas = np.bincount(flattened.labels, charts.areas, len(flattened.stretch))
+            labels = charts.absorbed(flattened.labels, self._prices(flattened) > areas, rank)
+            if len(flattened.stretch) == labels.max(initial=-1) + 1:
+                continue
+            here, there = (step / NEIGHBORS for step in (rank, rank + 1))
+            joined = yield from part(self._flattener.flattened(labels, known=flattened), here, there)
+            flattened = self._best_parts([flattened, joined], 1.0).flattened
+        if len(flattened.stretch) == len(way.flattened.stretch):
+            return way
+        before, after = yield from self.all_packed([way, replace(way, flattened=flattened)])
+        return after.way if after.layout.figure >= JOINED * before.layout.figure else way
 
     def mirrored(self, packed: Packed) -> Task[Packed | None]:
         """With charts that are one another's mirror, if the mesh is its own; None if they are already, or cannot be."""

@@ -248,6 +248,33 @@ class Charts:
         inner &= ~(is_cut & (side.prod(axis=1) < 0))
         return numbered(topology.connected(self.count, one[inner], other[inner]))[1]
 
+    def absorbed(self, labels: np.ndarray, chosen: np.ndarray, rank: int = 0) -> np.ndarray:
+        """Labels of charts, of which some are joined with one beside them. Each is joined with one other chart at most.
+
+        Args:
+            labels: (F,) int from 0.
+            chosen: (N,) bool, the charts that are joined with others.
+            rank: with which: 0 for the one with the most expensive border between them, 1 for the next.
+        """
+        sides = labels[self._sides]
+        beside = sides[:, 0] != sides[:, 1]
+        count, pairs = len(chosen), np.concatenate([sides[beside], sides[beside, ::-1]])
+        keys, which = np.unique(pairs[:, 0] * count + pairs[:, 1], return_inverse=True)
+        prices = np.bincount(which.reshape(-1), np.tile(self._prices[beside], 2), len(keys))
+        one, other = np.divmod(keys, max(1, count))
+        order = np.lexsort((other, -prices, one))
+        starts = np.searchsorted(one[order], one[order])
+        order = order[(np.arange(len(order)) - starts == rank) & chosen[one[order]]]
+        # The pairs that gain most come first, and take part alone.
+        order = order[np.argsort(-prices[order], kind="stable")]
+        ends = np.stack([one[order], other[order]], axis=1)
+        first = np.full(count, len(order))
+        np.minimum.at(first, ends, np.arange(len(order))[:, None])
+        joins = (first[ends] == np.arange(len(order))[:, None]).all(axis=1)
+        target = np.arange(count)
+        target[ends[joins, 0]] = ends[joins, 1]
+        return numbered(target[labels])[1]
+
     def whole(self, labels: np.ndarray) -> np.ndarray:
         """Labels of the connected parts of charts."""
         one, other = self._sides.T

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
+from addon.core.progress import finish
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, flattening, unwrapping
 from addon.mesh import uv_islands, uv_stretch
@@ -124,6 +125,17 @@ def test_islands_of_a_mesh_that_is_its_own_mirror_are_so_too(monkeypatch):
     assert len(pairs) == islands.max() + 1 > 1
     is_pair = islands != islands[image]
     assert areas[is_pair] == pytest.approx(areas[image[is_pair]], rel=1e-3)
+
+
+@pytest.mark.parametrize(("least", "count"), [(0.0, 1), (10.0, 2)])
+def test_an_island_whose_border_costs_more_than_its_area_is_joined_with_another(monkeypatch, least, count):
+    """The corner of a flat grid, if what is left of the figure is enough."""
+    monkeypatch.setattr(unwrapping, "JOINED", least)
+    low = zoo.plane("lo", 16)
+    work = unwrapping._Unwrapping(low, unwrapping._read(low), SETTINGS.sampling)
+    labels = (np.arange(len(low.data.polygons)) == 0).astype(int)
+    way = unwrapping.Unwrapped(unwrapping.CHARTS, finish(work._flattener.flattened(labels)))
+    assert len(finish(work._without_crumbs(way)).flattened.stretch) == count
 
 
 @pytest.mark.parametrize("figure", [0.01, 0.99])

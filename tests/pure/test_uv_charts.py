@@ -330,6 +330,31 @@ def test_borders_that_zigzag_become_straight(seed):
     assert charts.whole(straight).max() == straight.max() == labels.max()
 
 
+def test_charts_are_joined_with_one_beside_them_by_the_price_of_the_border():
+    """A strip of 1 x 3 at a corner of a plate of 4 x 6, with a square at its end, and a square at another corner."""
+    points, triangles = flat(4, 6)
+    points = points * (4.0, 6.0, 0.0)
+    charts = charts_of(points, triangles)
+    x, y, _ = charts.centers.T
+    labels = np.select([(y < 1.0) & (x < 3.0), y < 1.0, (y > 5.0) & (x < 1.0)], [1, 2, 3], 0)
+    strip, square, far = np.arange(4) == np.array([[1], [2], [3]])
+
+    def joined(chosen, rank=0):
+        found = charts.absorbed(labels, chosen, rank)
+        return sorted(tuple(sorted(set(labels[found == each].tolist()))) for each in range(found.max() + 1))
+
+    assert joined(strip) == [(0, 1), (2,), (3,)]  # 3 along the plate, 1 along the square
+    assert joined(strip, 1) == [(0,), (1, 2), (3,)]
+    assert joined(strip, 2) == joined(np.zeros(4, bool)) == [(0,), (1,), (2,), (3,)]
+    assert joined(far) == [(0, 3), (1,), (2,)]
+    assert joined(square | far) == [
+        (0, 3),
+        (1,),
+        (2,),
+    ]  # not the square with the strip, which is as good for it as the plate
+    assert joined(strip | square | far) == [(0, 1), (2,), (3,)]  # one alone is joined with the plate
+
+
 def test_charts_are_halved_where_they_are_longest():
     points, triangles = flat(4, 12)
     points = points * (4.0, 12.0, 0.0)
