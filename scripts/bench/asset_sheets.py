@@ -72,7 +72,7 @@ def sheet(path: Path, high: bpy.types.Object, lows: list[bpy.types.Object], fold
         others = [each for each in lows if each is not low]
         for each in others:
             each.hide_render = True
-        hard_surfaces.pictured(name, high, low, folder)
+        hard_surfaces.pictured(name, high, low, folder, ("CYCLES",))
         if not number:
             upper.append((f"{high.name}, Cycles", folder / f"{name}_cycles_high.png"))
         upper.append((f"{low.name}, Cycles", folder / f"{name}_cycles_low.png"))

@@ -13,6 +13,7 @@ shading error. --pictures renders the high mesh and the asset by Cycles and EEVE
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -219,8 +220,14 @@ def made(name: str, share: float, size: int, pictures: Path | None) -> str:
     )
 
 
-def pictured(name: str, high: bpy.types.Object, low: bpy.types.Object, folder: Path) -> None:
-    """Render both by Cycles and EEVEE, and the wireframe of the low one."""
+def pictured(
+    name: str,
+    high: bpy.types.Object,
+    low: bpy.types.Object,
+    folder: Path,
+    engines: Sequence[str] = ("CYCLES", "BLENDER_EEVEE"),
+) -> None:
+    """Render both by engines, and the wireframe of the low one by the first of them."""
     scene = bpy.context.scene
     folder.mkdir(parents=True, exist_ok=True)
     box = np.array([high.matrix_world @ Vector(corner) for corner in high.bound_box])
@@ -256,7 +263,7 @@ def pictured(name: str, high: bpy.types.Object, low: bpy.types.Object, folder: P
     for kind, obj in shown.items():
         for other in shown.values():
             other.hide_render = other is not obj
-        for engine in ("CYCLES", "BLENDER_EEVEE") if kind != "wires" else ("CYCLES",):
+        for engine in engines if kind != "wires" else engines[:1]:
             scene.render.engine = engine
             scene.cycles.samples = scene.eevee.taa_render_samples = 4
             scene.render.filepath = str(folder / f"{name}_{engine[-6:].lower()}_{kind}.png")

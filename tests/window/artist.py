@@ -29,7 +29,9 @@ def main() -> int:
     parser.add_argument("--blender", default="blender")
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--size", default="1600x1000", help="of the window, in pixels; default: 1600x1000")
-    parser.add_argument("--patience", type=float, default=300.0, help="seconds for a part; default: 300")
+    parser.add_argument(
+        "--patience", type=float, default=300.0, help="seconds for a part, of which waits have a fifth; default: 300"
+    )
     given = parser.parse_args()
     names = re.findall(r"^def part_(\w+)", PARTS.read_text(encoding="utf-8"), re.MULTILINE)
     unknown = {*given.parts} - {*names}
@@ -58,6 +60,7 @@ def play(given: argparse.Namespace, name: str, folder: Path, environment: dict[s
         "--",
         name,
         str(folder),
+        str(given.patience),
     ]
     print(f"{name}:", flush=True)
     (folder / f"{name}.done").unlink(missing_ok=True)

@@ -33,7 +33,7 @@ from tests.support.window import click_row, find, keys, mouse, press  # noqa: E4
 from tests.window import live_strokes  # noqa: E402
 
 PART, FOLDER = sys.argv[sys.argv.index("--") + 1], Path(sys.argv[sys.argv.index("--") + 2])
-PATIENCE = 60.0
+PATIENCE = float(sys.argv[sys.argv.index("--") + 3]) / 5.0
 """Seconds to wait for a bake."""
 SETS = 40
 """In the queue."""
