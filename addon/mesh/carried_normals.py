@@ -73,7 +73,7 @@ def carried_normals(
 
 def normals_at(corners: np.ndarray, normals: np.ndarray, places: np.ndarray) -> np.ndarray:
     """The normals (N, 3) that a mesh has at the nearest places on it to some places (N, 3). corners, normals: (F, 3, 3)."""
-    nearest, shares, _ = _found(corners, places)
+    nearest, shares, _ = found_on(corners, places)
     return unit(np.einsum("nc,ncx->nx", shares, normals[nearest]))
 
 
@@ -92,7 +92,7 @@ def common_normals(meshes: Sequence[LaidOut]) -> list[np.ndarray]:
     on_them = np.einsum("kc,tcx->tkx", INNER, fine.places).reshape(-1, 3)
     rows = [_Differences(own, shares, KEPT * weights)]
     for mesh, wedges in zip(meshes[1:], numbers[1:], strict=True):
-        nearest, there, squares = _found(mesh.places, on_them)
+        nearest, there, squares = found_on(mesh.places, on_them)
         is_shown = squares <= OFF**2
         pairs = np.concatenate([own, wedges[nearest]], axis=1), np.concatenate([shares, -there], axis=1)
         rows.append(_Differences(*(each[is_shown] for each in (*pairs, weights))))
@@ -100,9 +100,13 @@ def common_normals(meshes: Sequence[LaidOut]) -> list[np.ndarray]:
     for mesh, wedges in zip(meshes, numbers, strict=True):
         start[wedges.reshape(-1)] = mesh.normals.reshape(-1, 3)
     kept = np.einsum("nc,ncx->nx", shares, np.repeat(fine.normals, len(INNER), axis=0))
-    diagonal = sum(each.diagonal(count) for each in rows) + 1e-30
+    diagonal = np.sum([each.diagonal(count) for each in rows], axis=0) + 1e-30
     right = rows[0].gathered(kept, count)
-    found = unit(_solved(lambda each: sum(row.product(each, count) for row in rows), right, diagonal[:, None], start))
+
+    def product(values: np.ndarray) -> np.ndarray:
+        return np.sum([each.product(values, count) for each in rows], axis=0)
+
+    found = unit(_solved(product, right, diagonal[:, None], start))
     return [found[wedges] for wedges in numbers]
 
 
@@ -135,7 +139,7 @@ class _Differences:
         return np.bincount(self.wedges.reshape(-1), (self.factors**2 * self.weights[:, None]).reshape(-1), count)
 
 
-def _found(corners: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def found_on(corners: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The triangles (N,) that are nearest to places (N, 3), barycentric coordinates (N, 3) of the nearest place on each, and
     squared distances (N,). corners: (T, 3, 3)."""
     points, triangles = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)

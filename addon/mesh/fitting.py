@@ -28,6 +28,8 @@ ROUNDING_FACTOR = 1.0001
 """The factor on distances by which single precision may be off."""
 LEAST_AREA = 0.05
 """The share of its area that a triangle keeps at least."""
+SLIDE_PULL = 1e-6
+"""How much the squares of moves of `slid` count, against the mean of those of places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,6 +296,41 @@ class _System:
     def _gathered(self, values: np.ndarray) -> np.ndarray:
         """The sums (V, 3) of values (T, 3, 3) at the corners of triangles."""
         return sums_of(self._triangles.reshape(-1), values.reshape(-1, 3), self._count)
+
+
+def slid(
+    points: np.ndarray, triangles: np.ndarray, found: tuple[np.ndarray, np.ndarray], places: Samples
+) -> np.ndarray:
+    """Where vertices lie along the surface so that places on the mesh are nearest to those that they stand for, the same in
+    a UV layout: (V, 3) float64. How far the mesh is from the surface changes hardly, and no triangle is turned over.
+
+    Args:
+        points: (V, 3) float, of the coarse mesh.
+        triangles: (T, 3) int.
+        found: the triangle (N,) int of each place, and its barycentric coordinates (N, 3) there.
+        places: what they stand for, on the surface, with its normals.
+    """
+    start = points.astype(np.float64)
+    vertices, shares, normals = triangles[found[0]], found[1], places.normals
+    weights = shares * (places.shares / places.shares.sum())[:, None]
+
+    def gathered(values: np.ndarray) -> np.ndarray:
+        return topology.sums_of(vertices.reshape(-1), (weights[..., None] * values[:, None]).reshape(-1, 3), len(start))
+
+    off = places.points - np.einsum("nc,ncx->nx", shares, start[vertices])
+    off -= (off * normals).sum(axis=1, keepdims=True) * normals
+    diagonal = np.bincount(vertices.reshape(-1), (weights * shares).reshape(-1), len(start))[:, None] + SLIDE_PULL
+    moves, rest = np.zeros_like(start), gathered(off)
+    along, step = rest / diagonal, rest / diagonal
+    power = (rest * along).sum(axis=0)
+    for _ in range(GRADIENT_STEPS):
+        image = gathered(np.einsum("nc,ncx->nx", shares, step[vertices])) + SLIDE_PULL * step
+        share = power / np.maximum((step * image).sum(axis=0), 1e-300)
+        moves, rest = moves + share * step, rest - share * image
+        along, before = rest / diagonal, power
+        power = (rest * along).sum(axis=0)
+        step = along + power / np.maximum(before, 1e-300) * step
+    return _without_turns(start, start + moves, triangles, np.ones(len(start), bool))
 
 
 def _without_turns(start: np.ndarray, moved: np.ndarray, triangles: np.ndarray, is_free: np.ndarray) -> np.ndarray:

@@ -8,10 +8,11 @@ from addon.core.asset_limits import SIZES, Mending, Wanted, size_for
 from addon.core.errors import BakeError
 from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, welding
+from addon.mesh.carried_normals import INNER
 from addon.mesh.closest import Surface
 from addon.mesh.fitting import FitOptions
 from addon.mesh.topology import EdgeTable
-from addon.mesh.triangles import closest_points
+from addon.mesh.triangles import closest_points, unit
 from addon.mesh.welding import ClusterOptions, WeldOptions
 
 
@@ -286,3 +287,18 @@ def test_vertices_in_a_cell_become_one_in_their_middle():
     assert len(np.unique(np.sort(left, axis=1), axis=0)) == len(left) == 2 * 9 * 9
     a, b, c = (found[left[:, k]] for k in range(3))
     assert np.isclose(np.cross(b - a, c - a)[:, 2].sum() / 2.0, 0.9**2)
+
+
+def test_vertices_slide_to_where_their_places_are():
+    """The vertices of a turned sphere turn back, and those of one that is too large stay where they are."""
+    points, triangles = sphere(16)
+    turn = np.array([[np.cos(0.05), -np.sin(0.05), 0.0], [np.sin(0.05), np.cos(0.05), 0.0], [0.0, 0.0, 1.0]])
+    which = np.repeat(np.arange(len(triangles)), 4)
+    found = which, np.tile(INNER, (len(triangles), 1))
+    there = np.einsum("nc,ncx->nx", found[1], points[triangles[which]])
+    places = fitting.Samples(there, unit(there), which, np.ones(len(which)))
+    moved = fitting.slid(points @ turn.T, triangles, found, places)
+    before = np.linalg.norm(points @ turn.T - points, axis=1)
+    assert np.linalg.norm(moved - points, axis=1).max() < 0.1 * before.max()
+    lifted = fitting.slid(1.1 * points, triangles, found, places)
+    assert lifted == pytest.approx(1.1 * points, abs=1e-6)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core import foreach
 from ...mesh import coarser_uvs, fitting, topology
-from ...mesh.carried_normals import LaidOut, carried_normals, common_normals
+from ...mesh.carried_normals import INNER, LaidOut, carried_normals, common_normals, found_on
 from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
@@ -32,6 +32,14 @@ APART = 2.0
 """How far islands lie apart where places in the layout are looked for: those that share texels are other ones."""
 FITTED = 30_000
 """The samples of the high surface to which a level is fitted."""
+WITHIN = 1e-5
+"""How far a place of the layout may be off a level to lie on it."""
+SHOWN = 0.96
+"""The share of the low mesh that a level must show for its vertices to slide to where the layout has them: where more of it is
+gone, outlines suffer from it.
+Tried on a chess piece and a helmet of 3,000 triangles, at 1,500, 750 and 375, with maps in object space: 1.77, 3.47 and 7.65
+degrees become 1.52, 3.03 and 6.48 where 99.8, 98 and 95 % are shown, 6.75, 13.0 and 22.0 become 6.44, 12.3 and 22.1 where 97,
+85 and 57 % are; outlines of 0.78, 1.59, 3.74, 1.34, 2.62 and 4.68 % become 0.77, 1.64, 4.23, 1.43, 2.94 and 6.49 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +77,7 @@ class LayoutSource:
         on_line = coarse.on_line
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
         coarse = replace(coarse, points=points)
-        coarse = replace(coarse, values=self._moved(coarse, on_line))
+        coarse = self._slid(replace(coarse, values=self._moved(coarse, on_line)))
         data = self._written(coarse, self.carried_to(coarse, self._normals))
         return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
 
@@ -181,6 +189,23 @@ class LayoutSource:
             for pair in pairs
         )
         return np.concatenate(list(moved), axis=1).reshape(coarse.values.shape)
+
+    def _slid(self, coarse: Charted) -> Charted:
+        """A coarser mesh with its vertices along the surface where the low mesh has them in the layout: texels show their own
+        place."""
+        points, triangles = self._surface
+        which, shares = np.repeat(np.arange(len(triangles)), len(INNER)), np.tile(INNER, (len(triangles), 1))
+        in_layout = self._in_layout(self._charted, np.arange(len(triangles)))
+        found, there, squares = found_on(
+            self._in_layout(coarse, coarse.faces), np.einsum("nc,ncx->nx", shares, in_layout[which])
+        )
+        areas, is_shown = face_areas(points, triangles)[which], squares <= WITHIN**2
+        if areas[is_shown].sum() < SHOWN * areas.sum():
+            return coarse
+        normals = unit(np.einsum("nc,ncx->nx", shares, self._normals[which]))
+        places = Samples(np.einsum("nc,ncx->nx", shares, points[triangles[which]]), normals, which, areas)
+        on_it = found[is_shown], there[is_shown]
+        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places.chosen(is_shown)))
 
     def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
         """A mesh with the names of UV layers of the low one, and its numbers of materials, which it gets after the bake."""
