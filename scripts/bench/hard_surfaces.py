@@ -6,7 +6,8 @@
 Parts are those of tests/support/cad_parts.py, all without an argument. A line each: triangles; how far places of the high
 mesh's large planes lie from the low mesh across them, at the 99th percentile in percent of the diagonal, and for how many of
 them nothing stands; how far places of the straight edges between them lie from the low mesh's edges; the mean angle by area
-between corners' normals and their faces; islands on each planar side in the mean, and in all; the outline, and the mean
+between corners' normals and their faces, of all and of flat sides alone (on a round of N sides it is 180 / N degrees by
+itself); islands on each planar side in the mean, and in all; the outline, and the mean
 shading error. --pictures renders the high mesh and the asset by Cycles and EEVEE beside each other.
 """
 
@@ -45,17 +46,26 @@ SAMPLES = 1000
 """On each side."""
 GONE = 0.005
 """The share of the diagonal from which a plane is no longer there: it was closed."""
+SHARP = np.radians(40.0)
+"""The angle from which edges of the high mesh are sharp."""
 VIEW = Vector((0.75, -1.0, 0.7))
 """Towards the camera of pictures."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """The large planes of a high mesh. of (T,) int: that of each triangle, -1 for none."""
+    """The large planes of a high mesh.
+
+    Attributes:
+        of: (T,) int, that of each triangle, -1 for none.
+        is_flat: (T,) bool, which triangles are flat for the high mesh, too: those of a large plane, and those of a small one
+            that sharp edges alone part from others. The rest is round: its smooth normals differ from faces.
+    """
 
     points: np.ndarray
     triangles: np.ndarray
     of: np.ndarray
+    is_flat: np.ndarray
 
     @classmethod
     def of_mesh(cls, points: np.ndarray, triangles: np.ndarray) -> "Sides":
@@ -79,7 +89,11 @@ class Sides:
         bends = (turns > np.cos(np.radians(20.0))) & (ratio > 0.5) & (ratio < 2.0)
         is_large = of_each > LARGE * areas.sum()
         is_large[labels[one[bends]]] = is_large[labels[other[bends]]] = False
-        return cls(points, triangles, np.where(is_large[labels], labels, -1))
+        is_soft = turns > np.cos(SHARP)
+        is_round = np.zeros(len(triangles), bool)
+        is_round[labels[one[is_soft]]] = is_round[labels[other[is_soft]]] = True
+        is_flat = (is_large | ~is_round)[labels]
+        return cls(points, triangles, np.where(is_large[labels], labels, -1), is_flat)
 
     def off(self, points: np.ndarray, triangles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """How far places (N,) on the planes lie from the triangles of a low mesh that face the same way, across the planes:
@@ -115,6 +129,14 @@ class Sides:
         return self.points[sides[one[is_edge]]].astype(np.float64)
 
 
+def flat_ones(sides: Sides, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Which triangles (T,) bool of a low mesh stand for a large plane, or for faces with sharp edges alone around."""
+    nearest, _, _ = Surface(sides.points.astype(np.float32), sides.triangles).closest(
+        points[triangles].mean(axis=1).astype(np.float32)
+    )
+    return sides.is_flat[nearest]
+
+
 def far_from_segments(places: np.ndarray, segments: np.ndarray) -> np.ndarray:
     """The distance (N,) of places (N, 3) from the nearest of segments (E, 2, 3)."""
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
@@ -142,6 +164,7 @@ def measured(sides: Sides, low: bpy.types.Object) -> dict[str, float]:
     faces /= np.maximum(areas, 1e-300)[:, None]
     cosines = np.clip((mesh.normals[mesh.triangles] * faces[:, None]).sum(axis=2), -1.0, 1.0)
     degrees = np.degrees(np.arccos(cosines)).mean(axis=1)
+    is_flat = flat_ones(sides, points, triangles)
     # A low edge that turns, as segments
     both = np.stack([triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)], axis=1)
     other = partners(points.astype(np.float32), both)
@@ -161,6 +184,7 @@ def measured(sides: Sides, low: bpy.types.Object) -> dict[str, float]:
         "gone": 1.0 - float(np.isfinite(away).mean()),
         "edges": edges_off / size,
         "normals": float((degrees * areas).sum() / areas.sum()),
+        "flat": float((degrees * areas)[is_flat].sum() / max(areas[is_flat].sum(), 1e-300)),
         **_islands(sides, mesh, points, faces, areas),
     }
 
@@ -198,7 +222,7 @@ def made(name: str, share: float, size: int, pictures: Path | None) -> str:
     high.name = "Part_high"
     points, triangles = cad_parts.arrays(high)
     high.data.polygons.foreach_set("use_smooth", np.ones(len(high.data.polygons), bool))
-    high.data.set_sharp_from_angle(angle=np.radians(40.0))
+    high.data.set_sharp_from_angle(angle=SHARP)
     to_world = mesh_reader.matrix(high)
     points = (points @ to_world[:3, :3].T + to_world[:3, 3]).astype(np.float32)
     sides = Sides.of_mesh(*weld(points, triangles))
@@ -214,7 +238,8 @@ def made(name: str, share: float, size: int, pictures: Path | None) -> str:
         pictured(Path(name).stem, high, low, pictures)
     return (
         f"{Path(name).stem:14} {len(triangles):6,} {report.triangles['low']:5,}  planes {found['planes']:8.4%} "
-        f"gone {found['gone']:5.1%}  edges {found['edges']:8.4%}  normals {found['normals']:5.1f}  "
+        f"gone {found['gone']:5.1%}  edges {found['edges']:8.4%}  normals {found['normals']:5.1f} "
+        f"(flat {found['flat']:4.1f})  "
         f"a side {found['of_a_side']:5.2f}  islands {found['islands']:4}  "
         f"outline {seen['silhouette']:6.2%}  mean {seen['mean']:5.2f}  {seconds:5.1f} s"
     )
