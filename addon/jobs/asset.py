@@ -386,7 +386,9 @@ class _Making:
         best, begin = None, 0.0
         if maker is None:
             begin = 0.5
-            finding = compared.best_of(self.high.sources, first, _cost, CORRECTIONS, self.high.symmetric)
+            finding = compared.best_of(
+                self.high.sources, first, partial(_cost, wanted=first), CORRECTIONS, self.high.symmetric
+            )
             best = yield from part(finding, 0.0, begin)
             maker = best.maker
         if not wanted.has_count:
@@ -425,9 +427,10 @@ class _Making:
         )
 
 
-def _cost(candidate: Candidate) -> float:
-    """How wrong a low mesh looks, by how sure that is."""
-    return candidate.deviation.cost * candidate.maker.bias + (FOLDED if candidate.mesh.is_folded else 0.0)
+def _cost(candidate: Candidate, wanted: int) -> float:
+    """How wrong a low mesh looks, by how sure that is: as many times as wrong as it has more triangles than were wanted."""
+    over = max(1.0, candidate.triangles / ((1.0 + asset_limits.OFF) * wanted))
+    return candidate.deviation.cost * candidate.maker.bias * over + (FOLDED if candidate.mesh.is_folded else 0.0)
 
 
 def _all_unwrapped(lows: Sequence[Low], settings: Settings, stack: ExitStack) -> Task[list[Low]]:

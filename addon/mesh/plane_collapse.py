@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import collapse, flips, polygons, quadrics, topology
+from . import collapse, flips, hard_edges, polygons, quadrics, topology
 from .collapse import State
-from .planes import LARGE, Planes
+from .planes import ANGLES, LARGE, SOFT, Planes
 from .topology import EdgeTable
 from .triangles import checked, face_areas, face_normals, quality, unit
 
@@ -31,7 +31,8 @@ STIFF = 1e4
 """How many times as much large planes count that are no rounds: one that is tilted by a thousandth costs little, and is
 seen."""
 FINER = 4.0, 64.0
-"""By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow."""
+"""By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow, and
+for smooth groups as a whole, as the strips of a cylinder."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +73,8 @@ def collapse_on_planes(
     state.run(wanted, cost)
     while len(state.triangles) > wanted and cost < MOST_COST:
         cost *= FACTOR
-        for factor in FINER:
-            state.close(wanted, cost / closing, factor)
+        for areas, factor, is_round in state.features:
+            state.close(wanted, cost / closing, areas < factor * np.sqrt(cost / closing), is_round=is_round)
         state.flip()
         state.run(wanted, cost)
     if len(state.triangles) < len(triangles):
@@ -97,6 +98,8 @@ class _State(State):
 
     Attributes:
         sources: (T,) int, as `of` of OnPlanes.
+        features: Areas (P,) by which planes may be small, a factor of FINER, and whether it is for what lies in round sides
+            alone: whole walls of slots in flat ones would go too soon.
     """
 
     at_once = 1.0  # costs come in steps
@@ -107,6 +110,11 @@ class _State(State):
         stiffness = STIFF * np.minimum(shares / LARGE, 1.0) ** 2
         self._weights = self._areas * np.where(planes.is_round, 1.0, 1.0 + stiffness)
         self.sources = np.arange(len(triangles))
+        self._group_of = hard_edges.smooth_groups(triangles, planes.normals[planes.of])
+        of_groups = np.bincount(self._group_of, self._areas[planes.of] / np.bincount(planes.of)[planes.of])
+        of_group = np.zeros(len(self._areas))
+        of_group[planes.of] = of_groups[self._group_of]
+        self.features = [(self._areas, FINER[0], False), (self._areas, FINER[1], False), (of_group, FINER[1], True)]
         super().__init__(points, triangles, self._quadrics(points, triangles, planes.of))
 
     def flip(self) -> None:
@@ -114,15 +122,18 @@ class _State(State):
         self.triangles = flips.delaunay(self.points, self.triangles, self._plane_of[self.sources])
         self._changed[:] = self._round + 1
 
-    def close(self, wanted: int, most: float, factor: float) -> None:
-        """Close what costs up to `most` for each vertex, as long as more than `wanted` triangles are left, cheapest first."""
+    def close(self, wanted: int, most: float, is_small: np.ndarray, *, is_round: bool) -> None:
+        """Close what costs up to `most` for each vertex, as long as more than `wanted` triangles are left, cheapest first.
+
+        is_small: (P,) bool, the planes that may go. is_round: whether what lies in flat sides alone stays.
+        """
         of = self._plane_of[self.sources]
-        is_small = self._areas[of] < factor * np.sqrt(most)
+        is_small = is_small[of]
         if not is_small.any() or is_small.all():
             return
-        found = _Openings.of(self.points, self.triangles, is_small, of, self._normals)
+        found = _Openings.of(self.points, self.triangles, is_small, self._group_of[self.sources], self._normals[of])
         costs = found.costs()
-        order = np.flatnonzero(found.is_closable & (costs <= most))
+        order = np.flatnonzero(found.is_closable & (costs <= most) & (found.is_round | (not is_round)))
         order = order[np.argsort(costs[order], kind="stable")]
         left = len(self.triangles) - np.cumsum(2 * found.vertex_counts[order])
         order = order[: 1 + np.searchsorted(-left, -wanted)]
@@ -176,6 +187,8 @@ class _State(State):
         is_thin = old_quality < LEAST_QUALITY  # so that its normal is not known
         towards = np.where(is_thin[:, None], self._normals[of], unit(old))
         is_turned = (towards * new).sum(axis=1) < LEAST_COSINE * new_areas
+        # Turn by turn, none may come to show its back.
+        is_turned |= (self._normals[of] * new).sum(axis=1) < np.minimum(0.0, (self._normals[of] * old).sum(axis=1))
         return is_turned | (quality(after, new_areas) < np.minimum(LEAST_QUALITY, 0.5 * old_quality))
 
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:
@@ -192,7 +205,11 @@ class _Openings:
         sides: (S,) int, the sides of other triangles along the parts, as EdgeTable has them.
         loops: (S,) int, the loop of each side, from 0.
         of_loop: (L,) int, the part of each loop.
-        is_closable: (K,) bool, which parts can be closed: each loop goes around a hole of one plane.
+        normals: (T, 3), of the planes of the triangles.
+        ups: (L, 3), the mean normals of what is around each loop.
+        is_round: (K,) bool, which parts have a loop that goes through several planes.
+        is_closable: (K,) bool, which parts can be closed: each loop goes around a hole in one smooth group that turns little
+            there.
     """
 
     points: np.ndarray
@@ -204,13 +221,15 @@ class _Openings:
     loops: np.ndarray
     of_loop: np.ndarray
     normals: np.ndarray
+    ups: np.ndarray
+    is_round: np.ndarray
     is_closable: np.ndarray
 
     @classmethod
     def of(
-        cls, points: np.ndarray, triangles: np.ndarray, is_small: np.ndarray, of: np.ndarray, normals: np.ndarray
+        cls, points: np.ndarray, triangles: np.ndarray, is_small: np.ndarray, groups: np.ndarray, normals: np.ndarray
     ) -> "_Openings":
-        """is_small: (T,) bool. of: (T,) int, their planes, of normals (P, 3)."""
+        """is_small: (T,) bool. groups: (T,) int, their smooth groups. normals: (T, 3), of their planes."""
         table = EdgeTable.of(triangles, len(points))
         one, other = table.pairs
         both = is_small[one // 3] & is_small[other // 3]
@@ -235,20 +254,27 @@ class _Openings:
         ends = ends.reshape(nodes.shape)
         _, loops = topology.numbered(topology.connected(len(places), *ends)[ends[0]])
         count = int(loops.max(initial=-1)) + 1
-        of_loop, plane = np.zeros((2, count), np.int64)
-        of_loop[loops], plane[loops] = part, of[sides // 3]
+        of_loop, group = np.zeros((2, count), np.int64)
+        of_loop[loops], group[loops] = part, groups[sides // 3]
+        lengths = np.linalg.norm(points[table.last[sides]] - points[table.first[sides]], axis=1)
+        beside = normals[sides // 3]
+        ups = unit(topology.sums_of(loops, lengths[:, None] * beside, count))
         is_good = np.ones(count, bool)
-        is_good[loops[plane[loops] != of[sides // 3]]] = False
+        is_good[loops[group[loops] != groups[sides // 3]]] = False
+        is_good[loops[(ups[loops] * beside).sum(axis=1) < np.cos(SOFT)]] = False
+        is_round = np.zeros(len(used), bool)
+        is_round[part[(ups[loops] * beside).sum(axis=1) < np.cos(ANGLES[0])]] = True
         for end in ends:  # each place once
             is_good[loops[np.bincount(end, minlength=len(places))[end] != 1]] = False
         start, stop = points[table.first[sides]], points[table.last[sides]]
-        areas = np.bincount(loops, (np.cross(start, stop) * normals[of[sides // 3]]).sum(axis=1), count)
+        areas = np.bincount(loops, (np.cross(start, stop) * ups[loops]).sum(axis=1), count)
         is_good &= areas < 0.0
         is_closable[of_loop[~is_good]] = False
         has_loop = np.zeros(len(used), bool)
         has_loop[of_loop] = True
+        is_closable &= has_loop
         return cls(
-            points, triangles, is_small, labels, table, sides, loops, of_loop, normals[plane], is_closable & has_loop
+            points, triangles, is_small, labels, table, sides, loops, of_loop, normals, ups, is_round, is_closable
         )
 
     @property
@@ -277,12 +303,15 @@ class _Openings:
         return 2.0 * total * np.maximum(least, 0.0) / np.maximum(self.vertex_counts, 1)
 
     def caps(self, is_closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Triangles (C, 3) in the loops of closed parts (K,) bool, and a triangle (C,) int beside each loop."""
+        """Triangles (C, 3) in the loops of closed parts (K,) bool, and the triangle (C,) int beside their loop whose plane each
+        one continues best."""
         chosen = np.flatnonzero(is_closed[self.of_loop[self.loops]])
         loops = self.loops[chosen]
         # Caps run against the sides of the triangles beside them.
         first, last = self.table.last[self.sides[chosen]], self.table.first[self.sides[chosen]]
-        caps, of = polygons.triangulated(self.points, first, last, loops, self.normals)
-        beside = np.zeros(len(self.of_loop), np.int64)
-        beside[loops] = self.sides[chosen] // 3
-        return caps, beside[of]
+        caps, of = polygons.triangulated(self.points, first, last, loops, self.ups)
+        keys, width = loops * len(self.points) + first, len(self.points)
+        order = np.argsort(keys)
+        beside = self.sides[chosen][order[np.searchsorted(keys[order], of[:, None] * width + caps)]] // 3
+        alike = np.einsum("ckx,cx->ck", self.normals[beside], face_normals(self.points, caps))
+        return caps, beside[np.arange(len(caps)), alike.argmax(axis=1)]

@@ -17,8 +17,6 @@ THIN = 10.0
 """By how many times as much triangles are higher whose normals are known."""
 SOFT, ALIKE = np.radians(40.0), 2.0
 """The angle up to which planes turn little, and the factor up to which their areas are about the same."""
-LEAST_HELD = 5e-4
-"""The share of the surface from which vertices stay in a plane."""
 PARALLEL = 1e-4
 """The least square of the sine between planes whose normals differ."""
 LARGE = 0.005
@@ -51,12 +49,13 @@ class Planes:
         is_large = (self.areas > LARGE * total) & (counts > 1)
         return float(self.areas[is_large].sum()) / max(total, 1e-300)
 
-    def free_directions(self, triangles: np.ndarray, of: np.ndarray, count: int) -> np.ndarray:
+    def free_directions(self, triangles: np.ndarray, of: np.ndarray, count: int, least: float) -> np.ndarray:
         """Matrices (count, 3, 3) onto the directions in which vertices leave no plane, but round and tiny ones.
 
-        triangles: (T, 3) int, of `count` vertices. of: (T,) int, their planes.
+        triangles: (T, 3) int, of `count` vertices. of: (T,) int, their planes. least: the share of the surface up to which a
+        plane is tiny.
         """
-        holds = ~self.is_round & (self.areas > LEAST_HELD * self.areas.sum())
+        holds = ~self.is_round & (self.areas > least * self.areas.sum())
         which = np.flatnonzero(holds[of])
         vertices, chosen = np.divmod(np.unique(triangles[which] * len(self.areas) + of[which, None]), len(self.areas))
         products = (self.normals[chosen, :, None] * self.normals[chosen, None, :]).reshape(-1, 9)

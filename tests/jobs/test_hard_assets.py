@@ -56,20 +56,20 @@ def test_symmetry_that_bends_planes_is_said(monkeypatch, symmetry, is_said):
     assert any("set Symmetry to None" in text for text in report.warnings) == is_said != report.asset["keeps_planes"]
 
 
-def source_of(obj):
+def sources_of(obj):
     points, triangles = weld(*cad_parts.arrays(obj))
-    return plane_meshes.source_of(
+    return plane_meshes.sources_of(
         points, triangles, surface_samples(points, triangles, 1000), Timings(("decimate",)), 1.0
     )
 
 
 def test_what_is_round_is_no_hard_surface():
-    assert source_of(zoo.ball("ball", 32)) is None and source_of(zoo.terrain("hills", 32)) is None
-    assert source_of(cad_parts.rounded_box()) is not None
+    assert not sources_of(zoo.ball("ball", 32)) and not sources_of(zoo.terrain("hills", 32))
+    assert [each.closing for each in sources_of(cad_parts.rounded_box())] == list(plane_meshes.CLOSING)
 
 
 def test_low_meshes_have_hard_edges_where_planes_meet():
-    (low,) = source_of(cad_parts.gusset()).make(112)
+    (low,) = sources_of(cad_parts.gusset())[0].make(112)
     assert len(low.data.polygons) == 112
     faces = np.array([face.normal for face in low.data.polygons])
     across = {}
@@ -82,6 +82,14 @@ def test_low_meshes_have_hard_edges_where_planes_meet():
             assert edge.use_edge_sharp
 
 
+def test_a_keyway_in_a_round_side_is_closed():
+    """Its floor and its walls are as large as strips of the cylinder."""
+    (low,) = sources_of(cad_parts.shaft())[0].make(160)
+    points = mesh_reader.points(low.data)
+    inner = points[(points[:, 0] > 61.0) & (points[:, 0] < 107.0)]
+    assert not len(inner) or np.linalg.norm(inner[:, 1:], axis=1).min() > 11.0
+
+
 def test_meshes_with_triangles_turned_over_are_told(monkeypatch):
     """Fit moves vertices: here one of a square's over its diagonal, so that one of its triangles shows its back."""
     points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)])
@@ -92,8 +100,22 @@ def test_meshes_with_triangles_turned_over_are_told(monkeypatch):
     points[3] = 0.6, 0.4, 0.0
     assert plane_meshes.is_folded(points, triangles, normals)
     assert plane_meshes.is_folded(points[:3], np.array([(2, 1, 0)]), normals[:1])
-    source = source_of(cad_parts.gusset())
-    assert not source.make(112)[0].is_folded
+    source = sources_of(cad_parts.gusset())[1]
+    fitted = source.make(112)[0]
+    assert not fitted.is_folded
     monkeypatch.setattr(plane_meshes, "is_folded", lambda *_: True)
-    candidate = Candidate(source.make(112)[0], source, SimpleNamespace(cost=1.0), Limit())
-    assert asset._cost(candidate) > 100.0
+    folded = source.make(112)[0]
+    assert cost_of(folded, 112) > 100.0
+    # Nothing is moved that turns triangles over.
+    of_high = set(map(tuple, source.whole[0].points.astype(np.float32).tolist()))
+    assert set(map(tuple, mesh_reader.points(folded.data).tolist())) <= of_high
+    assert not set(map(tuple, mesh_reader.points(fitted.data).tolist())) <= of_high
+
+
+def cost_of(mesh, wanted):
+    return asset._cost(Candidate(mesh, SimpleNamespace(bias=1.0), SimpleNamespace(cost=1.0), Limit()), wanted)
+
+
+@pytest.mark.parametrize(("triangles", "cost"), [(50, 1.0), (102, 1.0), (204, 2.0)])
+def test_more_triangles_than_were_wanted_cost(triangles, cost):
+    assert cost_of(SimpleNamespace(triangles=triangles, is_folded=False), 100) == pytest.approx(cost)

@@ -9,7 +9,7 @@ from addon.mesh.fitting import FitOptions, fit, surface_samples
 from addon.mesh.plane_collapse import collapse_on_planes, without_needless
 from addon.mesh.planes import planes
 from addon.mesh.topology import EdgeTable
-from addon.mesh.triangles import enclosed_volumes, face_areas, unit_normals
+from addon.mesh.triangles import enclosed_volumes, face_areas, face_normals, unit_normals
 from addon.mesh.welding import parted, weld
 
 SEGMENTS = 32
@@ -162,6 +162,15 @@ def test_a_hole_stays_while_there_are_triangles_for_it():
     assert face_areas(made.points, made.triangles[flat]).sum() == pytest.approx(2.0 * area, rel=0.05)
 
 
+@pytest.mark.parametrize("wanted", [8, 26])
+def test_no_triangle_shows_its_back(wanted):
+    """Of a plate whose hole nearly reaches its sides, triangles turned over step by step."""
+    mesh = plate_with_hole(0.97)
+    made, found = coarse(mesh, wanted), planes(*mesh)
+    facing = (face_normals(made.points, made.triangles) * found.normals[found.of[made.of]]).sum(axis=1)
+    assert facing.min() > -1e-9
+
+
 def test_the_smaller_of_two_holes_is_closed():
     small = plate_with_hole(0.05)
     large = plate_with_hole(0.6)
@@ -279,7 +288,7 @@ def test_strips_of_a_cylinder_are_round_and_sides_of_a_box_are_not():
 def test_vertices_move_within_planes_alone():
     points, triangles = plate_with_hole(0.5)
     found = planes(points, triangles)
-    free = found.free_directions(triangles, found.of, len(points))
+    free = found.free_directions(triangles, found.of, len(points), 5e-4)
     kinds = np.round(np.trace(free, axis1=1, axis2=2)).astype(int)
     outer = np.abs(points[:, :2]).max(axis=1) > 0.99
     is_corner = np.abs(points[:, :2]).min(axis=1) > 0.99
@@ -328,6 +337,29 @@ def test_a_notch_in_an_edge_is_filled():
     made = coarse(mesh, 12)
     assert len(made.triangles) == 12 and is_closed(made.triangles)
     assert volume(made.points, made.triangles) == pytest.approx(4.0, rel=1e-5)
+
+
+def test_a_pocket_in_a_round_side_is_closed():
+    """Three strips of a cylinder wide, so that its rim lies in several planes."""
+    levels = np.stack([ring(1.0, z) for z in (0.0, 0.4, 0.6, 1.0)])
+    wall = band(levels[1], levels[2])[1]
+    wall = wall[~(np.sort(wall % SEGMENTS, axis=1)[:, [0, 2]] <= 3).all(axis=1)]
+    rim = np.concatenate([levels[1, :4], levels[2, 3::-1]])
+    floor = rim * (0.9, 0.9, 1.0)
+    flat = quads([(0, 1, 6, 7), (1, 2, 5, 6), (2, 3, 4, 5)])
+    outside = (band(levels[0], levels[1]), (levels[1:3].reshape(-1, 3), wall), band(levels[2], levels[3]))
+    lids = fan(levels[3]), turned(fan(levels[0]))
+    mesh = soup(*outside, *lids, band(rim, floor), (floor, flat))
+    assert is_closed(mesh[1]) and volume(*mesh) < 0.999 * volume(*soup(band(levels[0], levels[3]), *lids))
+    made = coarse(mesh, 4 * SEGMENTS - 4)
+    assert len(made.triangles) == 4 * SEGMENTS - 4 and is_closed(made.triangles)
+    round_side = 0.5 * SEGMENTS * np.sin(2.0 * np.pi / SEGMENTS)
+    assert volume(made.points, made.triangles) == pytest.approx(round_side, rel=1e-3)
+    assert np.linalg.norm(made.points[:, :2], axis=1) == pytest.approx(1.0, abs=1e-6)
+    own, _ = unit_normals(made.points, made.triangles)
+    found = planes(*mesh)
+    turn = 2.0 * np.pi / SEGMENTS
+    assert (own * found.normals[found.of[made.of]]).sum(axis=1).min() > np.cos(turn)
 
 
 def test_no_more_is_closed_than_the_number_of_triangles_asks():

@@ -20,10 +20,12 @@ from .low_meshes import LowMesh
 LEAST_SHARE = 0.3
 """The share of the area in large planes from which a surface counts as hard."""
 CLOSING = 1.0, 8.0, 0.125
-"""The factors, tried in turn, on what it costs to close holes and the like: what a viewer sees decides."""
+"""The factors on what it costs to close holes and the like: all are tried, and what a viewer sees decides."""
 MOST_BAD_EDGES = 0.01
 """The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
 a triangle soup."""
+HELD = 5e-4, 0.0, None
+"""The shares of the surface, tried in turn, from which planes hold their vertices; None if all vertices stay."""
 TURNED = 1e-6
 """The share of a mesh's area from which a triangle counts that is turned over."""
 MOST = 200_000
@@ -49,8 +51,8 @@ class PlaneSource:
     groups: np.ndarray
     samples: Samples
     timings: Timings
-    bias: float = 1.0
-    closing: float = CLOSING[0]
+    bias: float
+    closing: float
     is_remeshed = False
     is_collapsed = False
     left_out = 0
@@ -69,16 +71,26 @@ class PlaneSource:
             coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.closing)
             source = start.of[coarse.of]
             of = self.planes.of[source]
-            free = self.planes.free_directions(coarse.triangles, of, len(coarse.points))
-            points, nearest = fitting.fit(coarse.points, coarse.triangles, self.samples, FitOptions(free=free))
+            points, nearest = self._fitted(coarse, of)
             data = low_meshes.new_mesh(points, coarse.triangles)
             shade(data, hard_edges.shading(points, coarse.triangles, self.groups[source], of))
         return [LowMesh(data, self, nearest, is_folded(points, coarse.triangles, self.planes.normals[of]))]
 
-    def corrected(self, _: Candidate) -> "PlaneSource | None":
-        """The same surface, of which more or less is closed; None if all of CLOSING was tried."""
-        following = CLOSING[CLOSING.index(self.closing) + 1 :]
-        return replace(self, closing=following[0]) if following else None
+    def corrected(self, _: Candidate) -> None:
+        """Nothing is spared: each of CLOSING is tried from the start."""
+
+    def _fitted(self, coarse: OnPlanes, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points (P, 3) of a coarse mesh as fitting.fit moves them, and the triangle (N,) of each sample. Where triangles
+        turn over, small planes hold their vertices, too, then all stay. of: (N,) int, the planes of its triangles."""
+        for least in HELD:
+            count = len(coarse.points)
+            free = np.zeros((count, 3, 3))
+            if least is not None:
+                free = self.planes.free_directions(coarse.triangles, of, count, least)
+            fitted = fitting.fit(coarse.points, coarse.triangles, self.samples, FitOptions(free=free))
+            if not is_folded(fitted[0], coarse.triangles, self.planes.normals[of]):
+                break
+        return fitted
 
 
 def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> bool:
@@ -88,24 +100,26 @@ def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) ->
     return bool(((doubled * normals).sum(axis=1) < -least).any())
 
 
-def source_of(
+def sources_of(
     points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, bias: float
-) -> PlaneSource | None:
-    """A surface as a source; None if it is not hard, or too many edges are bad, also of solids that touch, one by one.
+) -> list[PlaneSource]:
+    """A surface as a source for each of CLOSING; none if it is not hard, or too many edges are bad, also of solids that touch,
+    one by one.
 
     points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface.
     """
     if len(triangles) > MOST:
-        return None
+        return []
     found = planes.planes(points, triangles)
     if found.large_share < LEAST_SHARE:
-        return None
+        return []
     points, triangles = welding.parted(points, triangles)
     if EdgeTable.of(triangles).bad_edge_share > MOST_BAD_EDGES:
-        return None
+        return []
     groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
     whole = OnPlanes(points, triangles, np.arange(len(triangles)))
-    return PlaneSource((whole, without_needless(points, triangles, found)), found, groups, samples, timings, bias)
+    both = whole, without_needless(points, triangles, found)
+    return [PlaneSource(both, found, groups, samples, timings, bias, closing) for closing in CLOSING]
 
 
 def shade(data: bpy.types.Mesh, shading: hard_edges.Shading) -> None:
