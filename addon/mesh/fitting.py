@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Moves the vertices of a coarse mesh to where the surface that it stands for is nearest.
 
-Source: the squares of distances, springs along edges, and the closest points in turn with the moves, of Hoppe, DeRose, Duchamp,
-McDonald and Stuetzle, "Mesh optimization", 1993; solved by conjugate gradients (Hestenes and Stiefel, 1952).
+Sources: the squares of distances, springs along edges, and the closest points in turn with the moves, of Hoppe, DeRose,
+Duchamp, McDonald and Stuetzle, "Mesh optimization", 1993; distances that count across the surface, so that vertices slide along
+it, of Chen and Medioni, "Object modelling by registration of multiple range images", 1992; solved by conjugate gradients
+(Hestenes and Stiefel, 1952).
 Tried, 3,000 triangles to 60,000 samples: 0.67 s; with the closest points among all triangles in each round, instead of among
 those that touch the one before, 1.11 s.
 """
@@ -18,6 +20,11 @@ from .closest import Surface
 from .topology import EdgeTable, sums_of
 from .triangles import PLACES_AT_ONCE, barycentric, checked, closest_points, dot, face_normals, unit_normals
 
+STIFF = 0.02
+"""How much springs at open borders count at least: no sample lies beyond these, and pulls them back."""
+HERE = 1e-3
+"""The distance of a sample, as a share of their mean, below which it lies on the mesh, whose normal is the way across then.
+"""
 GRADIENT_STEPS = 60
 """Of conjugate gradients in a round, at most."""
 SAME_SIDE_COSINE = float(np.cos(np.radians(70.0)))
@@ -101,12 +108,15 @@ class FitOptions:
         rounds: how often the closest points are looked for: they change as vertices move.
         smooth: how much the differences of neighbors' moves count, against the distances of samples.
         pull: how much the moves themselves count.
+        along: how much the distance of a sample along the surface counts, against that across it: with less than 1, vertices
+            slide to where they are needed, except at open borders.
         free: (V, 3, 3), onto the directions in which each vertex may move; None for all.
     """
 
     rounds: int = 4
     smooth: float = 0.02
     pull: float = 0.001
+    along: float = 1.0
     free: np.ndarray | None = None
 
 
@@ -143,7 +153,6 @@ def fit(
     start = points.astype(np.float64)
     is_free = np.zeros(len(start), bool)
     is_free[triangles] = True
-    edges = EdgeTable.of(triangles).ends
     now, places, beside = start, surface.points.astype(np.float32), _Beside.of(triangles)
     if known is None:
         nearest, where, _ = Surface(now.astype(np.float32), triangles).closest(places)
@@ -159,7 +168,10 @@ def fit(
         if not len(corners):
             break
         weights = barycentric(where[is_same_side].astype(np.float64), now[corners])
-        system = _System(nearest[is_same_side], weights, triangles, edges, len(start), options=options)
+        across = surface.points[is_same_side] - (now[corners] * weights[..., None]).sum(axis=1)
+        far = np.linalg.norm(across, axis=1, keepdims=True)
+        across = np.where(far > HERE * far.mean(), across / np.maximum(far, 1e-300), normals[is_same_side])
+        system = _System(nearest[is_same_side], weights, across, triangles, len(start), options=options)
         missing = surface.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
     return now, nearest
@@ -239,59 +251,62 @@ def _squares(vectors: np.ndarray) -> np.ndarray:
 class _System:
     """Least squares for the moves of vertices: samples, differences along edges, and the moves themselves.
 
-    of_samples (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices.
+    of_samples (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices. across (N, 3):
+    the unit directions from the mesh to samples. count: of vertices.
     """
 
     def __init__(
         self,
         of_samples: np.ndarray,
         weights: np.ndarray,
+        across: np.ndarray,
         triangles: np.ndarray,
-        edges: np.ndarray,
         count: int,
         *,
         options: FitOptions,
     ):
-        self._of_samples, self._weights, self._edges, self._count = of_samples, weights, edges, count
-        self._options = options
+        self._of_samples, self._weights, self._count, self._options = of_samples, weights, count, options
         self._scale = len(of_samples) / count
         self._triangles = triangles
+        edges, is_border = EdgeTable.of(triangles), np.zeros(count, bool)
+        self._edges = edges.ends
+        is_border[edges.ends[edges.counts == 1]] = True
+        is_stiff = is_border[edges.ends].any(axis=1)
+        self._springs = np.where(is_stiff, max(STIFF, options.smooth), options.smooth)[:, None]
+        along = np.where(is_border[triangles].any(axis=1), 1.0, options.along)[of_samples][:, None, None]
+        self._metrics = (1.0 - along) * across[:, :, None] * across[:, None, :] + along * np.eye(3)
         # The samples of a triangle move with its vertices alone, so that their products are summed once.
-        products = (weights[:, :, None] * weights[:, None, :]).reshape(-1, 9)
-        self._products = sums_of(of_samples, products, len(triangles)).reshape(-1, 3, 3)
+        products = (weights[:, :, None] * weights[:, None, :])[:, :, None, :, None] * self._metrics[:, None, :, None, :]
+        self._products = sums_of(of_samples, products.reshape(-1, 81), len(triangles)).reshape(-1, 9, 9)
 
     def solved(self, missing: np.ndarray, moves: np.ndarray) -> np.ndarray:
         """The moves (V, 3), by conjugate gradients from `moves`. missing: (N, 3), the way from each sample's place."""
+        missing = np.einsum("nij,nj->ni", self._metrics, missing)
         ways = (self._weights[:, :, None] * missing[:, None, :]).reshape(-1, 9)
         pulls = sums_of(self._of_samples, ways, len(self._triangles)).reshape(-1, 3, 3)
         rest = self._freed(self._gathered(pulls) - self._applied(moves))
-        along, power = rest, self._sums(rest * rest)
-        enough = 1e-12 * np.maximum(power, 1e-300)
+        along, power = rest, float((rest * rest).sum())
+        enough = 1e-12 * max(power, 1e-300)
         for _ in range(GRADIENT_STEPS):
-            if (power <= enough).all():
+            if power <= enough:
                 break
             image = self._freed(self._applied(along))
-            share = power / np.maximum(self._sums(along * image), 1e-300)
+            share = power / max(float((along * image).sum()), 1e-300)
             moves, rest = moves + share * along, rest - share * image
-            before, power = power, self._sums(rest * rest)
-            along = rest + power / np.maximum(before, 1e-300) * along
+            before, power = power, float((rest * rest).sum())
+            along = rest + power / max(before, 1e-300) * along
         return moves
 
     def _freed(self, moves: np.ndarray) -> np.ndarray:
         """The part of moves (V, 3) along the directions that are free."""
         return moves if self._options.free is None else np.einsum("vij,vj->vi", self._options.free, moves)
 
-    def _sums(self, values: np.ndarray) -> np.ndarray:
-        """The sums (3,) of values (V, 3): of each axis alone, unless free directions join them."""
-        sums = values.sum(axis=0)
-        return sums if self._options.free is None else np.full(3, sums.sum())
-
     def _applied(self, moves: np.ndarray) -> np.ndarray:
-        result = self._gathered(self._products @ moves[self._triangles])
+        result = self._gathered((self._products @ moves[self._triangles].reshape(-1, 9, 1)).reshape(-1, 3, 3))
         first, last = self._edges.T
-        differences = moves[first] - moves[last]
+        differences = self._springs * (moves[first] - moves[last])
         along = sums_of(first, differences, self._count) - sums_of(last, differences, self._count)
-        return result + self._scale * (self._options.smooth * along + self._options.pull * moves)
+        return result + self._scale * (along + self._options.pull * moves)
 
     def _gathered(self, values: np.ndarray) -> np.ndarray:
         """The sums (V, 3) of values (T, 3, 3) at the corners of triangles."""

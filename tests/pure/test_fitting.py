@@ -95,23 +95,56 @@ def triangles_beside(triangles, which, dice):
     return np.array([dice.choice(np.flatnonzero((triangles == vertex).any(axis=1))) for vertex in vertices])
 
 
-def test_moves_are_least_squares_seed_6():
+@pytest.mark.parametrize(("share", "is_open"), [(1.0, False), (0.1, False), (0.1, True)])
+def test_moves_are_least_squares_seed_6(share, is_open):
+    """Along the mesh, samples count by a share; at open borders they do fully, and springs are stiff."""
     dice = np.random.default_rng(6)
     _, triangles = sphere(3)
+    triangles = triangles[1:] if is_open else triangles
     count, samples = int(triangles.max()) + 1, 200
-    edges = np.unique(np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
+    edges = np.sort(np.concatenate([triangles[:, [i, i - 1]] for i in range(3)]), axis=1)
+    edges, of_edges = np.unique(edges, axis=0, return_counts=True)
+    rim = np.unique(edges[of_edges == 1])
     found, weights = dice.integers(0, len(triangles), samples), dice.dirichlet(np.ones(3), samples)
-    missing = dice.normal(size=(samples, 3))
-    moves = fitting._System(found, weights, triangles, edges, count, options=FitOptions())
+    missing, across = dice.normal(size=(2, samples, 3))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    options = FitOptions(smooth=0.005, along=share)
+    moves = fitting._System(found, weights, across, triangles, count, options=options)
     moves = moves.solved(missing, np.zeros((count, 3)))
-    rows = np.zeros((samples, count))
-    np.add.at(rows, (np.arange(samples)[:, None], triangles[found]), weights)
+    # Each sample is a row across the mesh and three rows along it, of the moves of all axes.
+    at_rim = np.isin(triangles[found], rim).any(axis=1)
+    along = np.sqrt(np.where(at_rim, 1.0, share))[:, None, None]
+    ways = across[:, :, None] * across[:, None, :]
+    metrics = ways + along * (np.eye(3) - ways)
+    rows = np.zeros((samples, 3, count, 3))
+    for corner in range(3):
+        rows[np.arange(samples), :, triangles[found, corner]] += weights[:, corner, None, None] * metrics
     steps = np.zeros((len(edges), count))
     steps[np.arange(len(edges)), edges[:, 0]], steps[np.arange(len(edges)), edges[:, 1]] = 1.0, -1.0
-    scale = samples / count
-    parts = rows, np.sqrt(FitOptions.smooth * scale) * steps, np.sqrt(FitOptions.pull * scale) * np.eye(count)
-    wanted = np.concatenate([missing, np.zeros((len(edges) + count, 3))])
-    assert moves == pytest.approx(np.linalg.lstsq(np.concatenate(parts), wanted)[0], abs=1e-4)
+    steps *= np.sqrt(np.where(np.isin(edges, rim).any(axis=1), 0.02, 0.005) * samples / count)[:, None]
+    pulls = np.sqrt(FitOptions.pull * samples / count) * np.eye(count)
+    parts = rows.reshape(3 * samples, -1), np.kron(steps, np.eye(3)), np.kron(pulls, np.eye(3))
+    wanted = np.concatenate([np.einsum("nij,nj->ni", metrics, missing).reshape(-1), np.zeros(3 * (len(edges) + count))])
+    exact = np.linalg.lstsq(np.concatenate(parts), wanted)[0].reshape(-1, 3)
+    assert moves == pytest.approx(exact, abs=1e-3)
+
+
+def test_vertices_slide_to_the_ridge_of_a_roof():
+    """Five of its vertices lie beside it, in one of the slopes: only moves along the slope bring them back."""
+    across, along = np.meshgrid(np.arange(-3.0, 4.0), np.arange(7.0))
+    roof = np.stack([across, along, -np.abs(across)], axis=-1).reshape(-1, 3)
+    row, column = np.mgrid[:6, :6].reshape(2, -1)
+    a = 7 * row + column
+    triangles = np.concatenate([np.stack([a, a + 1, a + 8], axis=1), np.stack([a, a + 8, a + 7], axis=1)])
+    around = fitting.surface_samples(roof, triangles, 5_000)
+    ridge, start = 7 * np.arange(1, 6) + 3, roof.copy()
+    start[ridge] += (0.4, 0.0, -0.4)
+
+    def left(**options):
+        moved, _ = fitting.fit(start, triangles, around, FitOptions(rounds=2, **options))
+        return np.abs(moved[ridge][:, 2]).mean()
+
+    assert left(smooth=0.005, along=0.1) < 0.75 * left(smooth=0.005)
 
 
 def test_faces_that_would_turn_over_keep_their_vertices():

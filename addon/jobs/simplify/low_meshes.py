@@ -48,8 +48,9 @@ MOST_SHARED = 0.8
 FITTED = 10_000, 60_000
 """The fewest and the most samples of the surface to which low meshes are fitted: two a triangle of the surface, or about 20 a
 triangle of the low mesh."""
-FIT = FitOptions(rounds=2)
-"""How low meshes are fitted, before edges flip and after that."""
+FIT = FitOptions(rounds=2, smooth=0.005, along=0.1)
+"""How low meshes are fitted, before edges flip and after that. Tried, from the same 3,000 triangles: samples of a chess piece
+lie 5 %, those of a helmet 8 % nearer than with vertices that slide less, as by default."""
 COLLAPSE_BIAS = 1.03
 """By which factor collapsing by quadrics must be better than Decimate: quick looks differ by less from the finished asset."""
 REMESH_BIAS = 1.1
