@@ -142,13 +142,11 @@ class Strip:
         columns = column + runs.column[part]
         start, stop = np.maximum(columns - gap, 0), np.minimum(columns + runs.length[part] + gap, 8 * wide)
         rows = runs.row[part]
-        order = np.argsort(rows, kind="stable")
-        begins = np.flatnonzero(np.diff(rows[order], prepend=-1))
+        begins = np.flatnonzero(np.diff(rows, prepend=-1))  # runs in one row follow each other
         lines = np.zeros((high, wide), np.uint8)
-        if len(order):
+        if len(rows):
             before = _before(wide)
-            cells = before[stop[order]] ^ before[start[order]]
-            lines[rows[order[begins]]] = np.bitwise_or.reduceat(cells, begins)
+            lines[rows[begins]] = np.bitwise_or.reduceat(before[stop] ^ before[start], begins)
         taken = np.zeros((high + 2 * gap, wide), np.uint8)
         for step in range(2 * gap + 1):
             taken[step : step + high] |= lines
