@@ -157,7 +157,7 @@ class _State(State):
 
     def _quadrics(
         self, points: np.ndarray, triangles: np.ndarray, of: np.ndarray, *, border: bool = True
-    ) -> collapse.Quadrics:
+    ) -> quadrics.Quadrics:
         """Those of the planes (T,) int of triangles: each counts once at a vertex, by its whole area."""
         count = len(self._areas)
         pairs = np.unique(triangles * count + of[:, None])
