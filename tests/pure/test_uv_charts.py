@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import uv_crossings
-from addon.mesh.uv_charts import FULL, ChartOptions, Charts, best_parts
+from addon.mesh.uv_charts import FULL, ChartOptions, Charts, _Growth, best_parts
 from tests.support import random_cases
 
 MARGIN = 1.0 / 256.0
@@ -175,6 +175,15 @@ def test_charts_are_round_where_all_bends_count():
     along = np.einsum("ij,ij->i", charts.normals, charts.mean_normals(labels)[labels]) / charts.areas
     assert along.min() > 0.7
     assert not charts.grown(labels, 3.0).any()
+
+
+def test_curvature_inside_costs_as_that_of_a_round_cap():
+    """Of a cap with the angle t: pi * t ** 2 of curvature, and t ** 4 / 48 of its area, though its normals differ nowhere."""
+    charts = charts_of(*flat(4, 4))
+    growth, angle = _Growth(charts, charts.flat()), 0.3
+    cost = growth._cost(growth._sums, np.full(len(growth._sums), np.pi * angle**2))
+    assert cost == pytest.approx(growth._sums[:, 0] * angle**4 / 48.0, rel=1e-9)
+    assert growth._cost(growth._sums, np.zeros(len(growth._sums))) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_many_small_bends_are_not_flat():
