@@ -120,6 +120,7 @@ def work(
             high = yield from part(relay(reading, within=lambda: timings.timed("read")), 0.0, 0.04)
             posing = relay(_posed(context, skin, high), within=lambda: timings.timed("read"))
             high = yield from part(posing, 0.04, 0.05)
+            job = job.but(closing=None if lows else high.closing)  # a low mesh that is there may have the holes
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             making = _Making(context, high, judge, settings, suffixes, aside)
             lows = yield from part(making.lows(job, lows, wanted), 0.05, SEARCHED)

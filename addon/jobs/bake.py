@@ -27,7 +27,7 @@ from ..output.outputs import Outputs, kept
 from ..scene import object_checks, reading
 from . import one_material, pair_checks, state_pieces
 from .baked import Baked
-from .job import Job, Request, check_job, read_meshes, set_numbers
+from .job import Job, Request, check_job, closed, read_meshes, set_numbers
 from .one_material import Shown
 from .state_pieces import State
 
@@ -77,6 +77,7 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tup
     with timings.timed("extract"):
         meshes = read_meshes(context, request)
         state = state_pieces.of_read(request, meshes)
+        meshes = closed(meshes, job)
     yield Progress(f"Looking at {name}", 0.5)
     plan = plan_of(meshes, settings, timings, length=reading.lengths_of(context.scene))
     notes = [*meshes.lacks, *object_checks.warnings(job.low, job.highs), *orienting.notes(meshes, plan.told)]

@@ -21,6 +21,7 @@ from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import SamplingSettings, Settings, StorageSettings, TracingSettings
 from ..engine.bands import bands
+from ..mesh.closing import Closing
 from ..mesh.inputs import Meshes
 from ..output import datablocks, materials, outputs, vertex_attributes
 from ..output.map_names import map_title, planned_files, settings_by_map
@@ -55,6 +56,8 @@ class Job:
     """Names of materials whose texture sets have a size of their own, and that size."""
     floaters: frozenset[int]
     """The session_uids of objects that block no rays of ambient occlusion, beside those that are marked."""
+    closing: Closing | None
+    """What closes holes of the high objects, which the low object does not have; None for nothing."""
 
     def __init__(
         self,
@@ -68,6 +71,7 @@ class Job:
         tracing: TracingSettings | None = None,
         sizes: Sequence[tuple[str, int]] = (),
         floaters: Iterable[int] = (),
+        closing: Closing | None = None,
     ):
         vars(self).update(  # a frozen class has no other way
             low_ref=ObjectRef.of(low),
@@ -79,11 +83,12 @@ class Job:
             tracing=tracing,
             sizes=tuple(sizes),
             floaters=frozenset(floaters),
+            closing=closing,
         )
 
     def but(self, **own: Any) -> "Job":
         """This job with other arguments of its constructor. Raises BakeError if an object was deleted."""
-        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing", "sizes", "floaters")
+        same = ("low", "highs", "cage", "texture_set", "size", "distance", "tracing", "sizes", "floaters", "closing")
         return Job(**{name: getattr(self, name) for name in same if name not in own} | own)
 
     @property
@@ -356,6 +361,11 @@ def read_meshes(context: bpy.types.Context, request: Request) -> Meshes:
         floaters=job.floaters,
         must_be_whole=request.wants.whole,
     )
+
+
+def closed(meshes: Meshes, job: Job) -> Meshes:
+    """The meshes of a job, with what closes the holes of its high ones."""
+    return meshes if job.closing is None else job.closing.added_to(meshes)
 
 
 def by_material(jobs: Sequence[Job], storing: StorageSettings, *, shares: bool = False) -> list[Job]:

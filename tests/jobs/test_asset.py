@@ -26,7 +26,7 @@ from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import face_areas
 from addon.scene import mesh_reader
-from tests.support import lanes, quick_assets, spoiled, zoo
+from tests.support import lanes, maps, quick_assets, spoiled, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -696,6 +696,46 @@ def test_what_may_not_be_meant_is_told_with_its_cure(mending, told):
     assert [text for text in report.warnings if "that stay" in text] == told
     assert all(Sentence.of(text).harm is NOTE for text in report.warnings if "that stay" in text)
     assert (report.asset["crumbs"], report.asset["holes"]) == ((1, 0) if told else (3, 1))
+
+
+def torn(soup, at, size):
+    """A surface with a ragged hole."""
+    middles, rng = soup.points[soup.triangles].mean(axis=1), np.random.default_rng(1)
+    is_gone = np.linalg.norm(middles - at, axis=1) < size * rng.uniform(0.35, 0.5, len(middles))
+    return spoiled.Soup(soup.points, soup.triangles[~is_gone])
+
+
+def torn_ball(place=0.0):
+    """A sphere with a ragged hole of a tenth of it."""
+    ball = zoo.ball("Ball", 32)
+    soup = torn(spoiled.of_object(ball), (0.6, 0.64, 0.48), 0.2)
+    bpy.data.objects.remove(ball)
+    return spoiled.Soup(soup.points + (place, 0.0, 0.0), soup.triangles)
+
+
+def torn_plate():
+    """A sphere made flat, with a hole in its upper side."""
+    soup = torn_ball()
+    return spoiled.Soup(soup.points * (1.0, 1.0, 0.1), soup.triangles)
+
+
+@pytest.mark.parametrize(
+    ("highs", "thickness"),
+    [
+        (lambda: [spoiled.build("Scan", torn_ball())], 2.0),
+        pytest.param(lambda: [spoiled.build("Scan", torn_plate())], 0.2, marks=pytest.mark.slow),
+        pytest.param(lambda: [spoiled.build(f"{x}", torn_ball(x)) for x in (-1.5, 1.5)], 2.0, marks=pytest.mark.slow),
+    ],
+    ids=["a sphere", "a plate", "two parts"],
+)
+def test_no_texel_of_a_filled_hole_shows_the_far_inside(highs, thickness):
+    """The normals there would oppose those of the low mesh, and rays would have to reach through it."""
+    highs = highs()
+    report, _ = made(highs, Wanted(triangles=200), replace(SHARP, depth=32))
+    assert report.asset["holes"] == len(highs)
+    texels = maps.pixels(bpy.data.images[report.image])
+    assert (2.0 * texels[texels[..., 3] > 0.5, 2] - 1.0).min() > 0.5 and report.missed == 0.0
+    assert report.distances["max_distance"] < thickness
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ from ...scene.object_checks import ObjectRef
 from .. import unwrapping
 from ..bake import draw_raw
 from ..baked import Baked
-from ..job import Request, check_job, read_meshes
+from ..job import Request, check_job, closed, read_meshes
 from ..temporary import TEMPORARY
 from .decimation import UvMesh
 from .high_surface import HighSurface
@@ -135,7 +135,8 @@ class AppearanceJudge:
 
     def with_map(self, low: bpy.types.Object, texels: np.ndarray) -> Task[Appearance | None]:
         """What a viewer sees of a low object that shows the normal map of another one. texels: as `normal_map` returns them."""
-        meshes = read_meshes(self._context, replace(self._request, job=self._request.job.but(low=low)))
+        request = replace(self._request, job=self._request.job.but(low=low))
+        meshes = closed(read_meshes(self._context, request), request.job)
         mesh = meshes.basis or meshes.low
         looking = appearance.measure(
             meshes.highs, mesh, ShownMap({udim.FIRST: texels}, normal_space.reading(self._settings.map))

@@ -22,6 +22,7 @@ from ...core.simplify import Candidate
 from ...engine import hidden_faces
 from ...mesh import mirrors, orientation, small_parts, topology
 from ...mesh.closest import Surface
+from ...mesh.closing import Closing
 from ...mesh.edges import is_without_area
 from ...mesh.fitting import Samples, surface_samples
 from ...mesh.mirrors import Plane
@@ -76,6 +77,7 @@ class HighSurface:
         count: The triangles of the high objects, before any are thinned.
         crumbs: Its small parts, of which some were left out.
         holes: The small holes, of which some were filled.
+        closing: What fills these; None if none were filled.
         mirror: In which it is its own mirror image, so that low meshes may be, too; None for none, or where all sources are
             halves.
         loses_planes: Whether low meshes could keep its planes, but for the symmetry that was asked for.
@@ -92,6 +94,7 @@ class HighSurface:
     count: int
     crumbs: Small = NOTHING_SMALL
     holes: Small = NOTHING_SMALL
+    closing: Closing | None = None
     mirror: Plane | None = None
     loses_planes: bool = False
 
@@ -184,6 +187,7 @@ def read(
         count,
         mended.crumbs,
         mended.holes,
+        mended.closing and mended.closing.moved(origin),
         mirror,
         loses_planes,
     )
@@ -202,8 +206,9 @@ class _Mended:
     triangles: np.ndarray
     samples: Samples
     bad: float
-    crumbs: int
-    holes: int
+    crumbs: Small
+    holes: Small
+    closing: Closing | None
 
 
 def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: str) -> _Mended:
@@ -218,12 +223,14 @@ def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: s
     triangles = triangles[~is_crumb]
     if EdgeTable.of(triangles).is_against.any():
         triangles = _to_one_side(points, triangles)
+    before = len(triangles)
     points, triangles, holes = small_parts.filled(points, triangles, mending.holes)
+    closing = Closing.of(points, triangles, before) if len(triangles) > before else None
     points, triangles = weld(points, triangles)
     samples = surface_samples(points, triangles, SAMPLES)
     if not len(samples.points):
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
-    return _Mended(points, triangles, samples, EdgeTable.of(triangles).bad_edge_share, crumbs, holes)
+    return _Mended(points, triangles, samples, EdgeTable.of(triangles).bad_edge_share, crumbs, holes, closing)
 
 
 def _sources(
