@@ -10,9 +10,9 @@ imports it on its way to the tests, must not load the add-on with it.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .addon.api import BakeError, NoGpu, Result, Surface, bake
+    from .addon.api import Asset, BakeError, NoGpu, Progress, Result, Surface, asset, bake, unwrap
 
-__all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
+__all__ = ["Asset", "BakeError", "NoGpu", "Progress", "Result", "Surface", "asset", "bake", "unwrap"]
 
 
 def register() -> None:

@@ -13,20 +13,23 @@ from typing import Any, TypeAlias
 import bpy
 import numpy as np
 
-from .core import file_formats, foreach, map_types
+from . import older_blender
+from .core import asset_limits, file_formats, foreach, map_types, naming, progress
+from .core.asset_limits import CRUMBS, HOLES, Mending, Wanted
 from .core.declarations import kinds
-from .core.declarations.all_settings import DECLARED
+from .core.declarations.all_settings import ASSET, DECLARED
 from .core.declarations.choices import Storage
 from .core.errors import BakeError, NoGpu
 from .core.file_formats import SMOOTH_BELOW
-from .core.naming import did_you_mean
-from .core.progress import Progress
+from .core.naming import Suffixes, did_you_mean
+from .core.progress import Pace, Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
-from .jobs import Job, bake_all
-from .scene import importing, mesh_writer, new_datablocks
+from .jobs import Job, bake_all, bake_jobs, unwrapping
+from .jobs import asset as game_asset
+from .scene import importing, mesh_reader, mesh_writer, new_datablocks
 
-__all__ = ["BakeError", "NoGpu", "Result", "Surface", "bake"]
+__all__ = ["Asset", "BakeError", "NoGpu", "Progress", "Result", "Surface", "asset", "bake", "unwrap"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,19 @@ class Result:
     report: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class Asset(Result):
+    """A low mesh that was made, and its maps.
+
+    Attributes:
+        mesh: The low mesh, with UVs and normals by corner, in the space of the high meshes.
+        levels: The levels of detail that follow, from the finest, with the same maps unless they own textures.
+    """
+
+    mesh: Surface
+    levels: tuple["Asset", ...] = ()
+
+
 def bake(
     low: Source,
     high: Source | list[Source] | tuple[Source, ...] | None = None,
@@ -94,29 +110,22 @@ def bake(
         cage: a mesh with the vertices of `low` in the same order, on which rays start.
         output: the file of the normal map; those of other maps stand beside it. Empty to write no file.
         smooth_files: the degrees from which edges are hard in high files that do not say how they are shaded; 0 for flat.
-        on_progress: called between slices of the work.
+        on_progress: called between slices of the work. What it raises ends the bake, which then has changed nothing.
         settings: other settings, as job files name them but with underscores: `samples=4, max_distance=0.1, space="object"`.
 
     Raises:
         BakeError: for what cannot be baked, with a sentence that says what to fix.
     """
-    if threading.current_thread() is not threading.main_thread():
-        raise BakeError("imprint.bake was called in a thread: Blender draws in the main thread alone. Call it there.")
-    if on_progress is not None and not callable(on_progress):
-        raise BakeError(f"on_progress: {kinds.shown(on_progress)} is not a function.")
+    _check_call("bake", on_progress)
     names = _names(maps)
     asked = _settings(names, size, output, settings)
     degrees = _ANGLE.coerced(smooth_files)
-    sources = [] if high is None else list(high) if isinstance(high, list | tuple) else [high]
+    sources = [] if high is None else _listed(high)
     if not sources and high is not None:
         raise BakeError("high: the list is empty. Leave it out to bake the low mesh onto itself.")
     with _nothing_left() as made_by_caller:
         low_object = _only(_objects(low, "low"), "low")
-        highs, smooth_highs = [], {}
-        for number, source in enumerate(sources, start=1):
-            objects = _objects(source, f"high {number}")
-            smooth_highs |= _smoothed(source, objects, degrees)
-            highs += objects
+        highs, smooth_highs = _highs(sources, degrees)
         cages = _objects(cage, "cage") if cage is not None else []
         if isinstance(low, Surface) and low.uv is None:
             raise BakeError("The low mesh has no UVs: give `uv` by vertex (V, 2) or by corner (T, 3, 2).")
@@ -126,6 +135,111 @@ def bake(
             report = replace(report, smooth_files=smooth_highs)
             texels = _named(_arrays(report, asked), names)
             return Result(texels, list(report.output), list(report.warnings), report.to_dict())
+
+
+def asset(
+    high: Source | list[Source] | tuple[Source, ...],
+    *,
+    triangles: int | None = None,
+    degrees: float | None = None,
+    distance: float | None = None,
+    levels: int = 0,
+    own_textures: bool = False,
+    stack_mirrored: bool = False,
+    crumbs: float = CRUMBS,
+    holes: float = HOLES,
+    symmetry: str = "auto",
+    quads: bool = False,
+    keep: bool = False,
+    maps: Sequence[str] | str = ("normal",),
+    size: int | tuple[int, int] | str = 1024,
+    output: str | os.PathLike[str] = "",
+    smooth_files: int = SMOOTH_BELOW,
+    on_progress: Callable[[Progress], None] | None = None,
+    **settings: Any,
+) -> Asset:
+    """Make a game asset of high meshes: a low mesh with UVs, and its maps. The open scene stays as it was.
+
+    Args:
+        high: one mesh, or a list of them.
+        triangles: how many the low mesh has; None for at most 5000; with degrees or distance, the most.
+        degrees: the shading error that 99 % of the pixels may have: the fewest triangles within it are searched.
+        distance: how far 99 % of the surfaces may be apart, in percent of the longest side of the box.
+        levels: how many levels of detail follow, each with half the triangles of the one before it, or twice its limits.
+        own_textures: whether each level has UVs and maps of its own.
+        stack_mirrored: whether mirrored halves and equal parts have the same UVs.
+        crumbs: the size in percent of the largest part below which parts are left out; 0 for none.
+        holes: the size in percent of the largest part below which holes are filled; 0 for none.
+        symmetry: "x", "y" or "z" for a low mesh that equals its mirror image, "auto" if the high mesh does, or "none".
+        quads: whether the low mesh is made of quads, which come as two triangles each.
+        keep: whether the high mesh itself gets UVs and maps, with all its triangles.
+        maps, smooth_files, on_progress, settings: as for `bake`.
+        size: as for `bake`, "auto" for texels as small as the high meshes' triangles, or "512/m" for at least 512 a meter.
+        output: the file of the normal map; those of other maps stand beside it. With `own_textures`, it has "{low}".
+
+    Raises:
+        BakeError: for what cannot be made, with a sentence that says what to fix.
+    """
+    _check_call("asset", on_progress)
+    names = _names(maps)
+    texts = {
+        "degrees": degrees,
+        "triangles": triangles,
+        "distance": distance,
+        "size": size,
+        "crumbs": crumbs,
+        "holes": holes,
+    }
+    ways = {"levels": levels, "own_textures": own_textures, "stack_mirrored": stack_mirrored, "symmetry": symmetry}
+    wanted = _wanted(texts, ways | {"quads": quads, "keep": keep})
+    asked = _settings(names, asset_limits.SIZES[1] if wanted.finds_size else size, output, settings)
+    angle, sources = _ANGLE.coerced(smooth_files), _listed(high)
+    if not sources:
+        raise BakeError("high: the list is empty.")
+    if wanted.owns_textures:
+        asked = asked.stored(image=f"{asked.storing.image} {naming.LOW}")
+    with _nothing_left() as made_by_caller:
+        highs, smooth_highs = _highs(sources, angle)
+        suffixes = _free_suffixes(highs[0].name)
+        listener = made_by_caller(on_progress) if on_progress else None
+        pace = Pace(bake_jobs.PROGRESS_SECONDS if on_progress else None)
+        work = game_asset.work(bpy.context, Job(highs[0], highs), wanted, asked, pace, suffixes=suffixes)
+        reports = older_blender.with_gpu(lambda: progress.finish(work, listener))
+        made = [_made_asset(replace(report, smooth_files=smooth_highs), asked, names) for report in reports]
+        return replace(made[0], levels=tuple(made[1:]))
+
+
+def unwrap(
+    mesh: Source,
+    *,
+    size: int | tuple[int, int] = 1024,
+    stack_mirrored: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+    **settings: Any,
+) -> Surface:
+    """Give a mesh a UV map. The open scene stays as it was, and so does an object in it.
+
+    Args:
+        mesh: of arrays, which keep their order; an object of the open scene, without its modifiers; a file of one mesh.
+        size: of the maps that it is for, as for `bake`: it decides how far islands lie apart.
+        settings: as for `bake`, of which `margin` and `mips` count.
+        stack_mirrored: whether mirrored halves and equal parts have the same UVs.
+        on_progress: as for `bake`.
+
+    Returns:
+        The mesh with `uv` by corner (T, 3, 2).
+
+    Raises:
+        BakeError: for what cannot be unwrapped, with a sentence that says what to fix.
+    """
+    _check_call("unwrap", on_progress)
+    sampling = _settings({"normal": "NORMAL"}, size, "", settings).sampling
+    stacks = replace(ASSET[_WAYS["stack_mirrored"]], label="stack_mirrored").coerced(stack_mirrored)
+    with _nothing_left() as made_by_caller:
+        obj = _only(_objects(mesh, "mesh"), "mesh")
+        work = unwrapping.find(obj, sampling, stacks=stacks)
+        found = progress.finish(work, made_by_caller(on_progress) if on_progress else None)
+        return _surface(obj, found.uv)
 
 
 class _Maps(dict[str, np.ndarray]):
@@ -142,6 +256,62 @@ _ELSEWHERE = {"width": "size", "height": "size", "normal": "maps"}
 """Settings that an argument of another name holds."""
 _OF_SCENES = ("image", "storage", "material", "connect_maps", "one_material", "texture_sets")
 """Settings of what a bake leaves in the file, where this one leaves nothing."""
+
+
+def _check_call(name: str, on_progress: Any) -> None:
+    """Raise BakeError for a call in another thread than the first, and for a listener that is none."""
+    if threading.current_thread() is not threading.main_thread():
+        raise BakeError(
+            f"imprint.{name} was called in a thread: Blender draws in the main thread alone. Call it there."
+        )
+    if on_progress is not None and not callable(on_progress):
+        raise BakeError(f"on_progress: {kinds.shown(on_progress)} is not a function.")
+
+
+_WAYS = {
+    name: f"asset_{'keeps' if name == 'keep' else name}"
+    for name in ("levels", "own_textures", "stack_mirrored", "symmetry", "quads", "keep")
+}
+"""The declarations of arguments of an asset."""
+
+
+def _wanted(texts: dict[str, Any], ways: dict[str, Any]) -> Wanted:
+    """The limits of an asset. texts: numbers or texts, by their names; ways: values of ASSET. Raises BakeError."""
+    text = {name: _text(value) for name, value in texts.items()}
+    way = {name: replace(ASSET[_WAYS[name]], label=name).coerced(value) for name, value in ways.items()}
+    if way["keep"] and text["triangles"]:
+        raise BakeError("keep: the mesh keeps all its triangles. Leave out `triangles`.")
+    return Wanted.of_texts(
+        *(text[name] for name in ("degrees", "triangles", "size", "distance")),
+        way["levels"],
+        mending=Mending.of_texts(text["crumbs"], text["holes"], way["symmetry"]),
+        owns_textures=way["own_textures"],
+        stacks_mirrored=way["stack_mirrored"],
+        quads=way["quads"],
+        keeps=way["keep"],
+    )
+
+
+def _text(value: Any) -> str:
+    """A number or a text as a panel's field holds it; empty for None."""
+    value = kinds.plain(value)
+    return "" if value is None else value if isinstance(value, str) else kinds.shown(value)
+
+
+def _made_asset(report: Report, settings: Settings, names: dict[str, str]) -> Asset:
+    """A low mesh of an asset, by the report of its bake."""
+    texels = _named(_arrays(report, settings), names)
+    mesh = _surface(report.refs[0].resolve())
+    return Asset(texels, list(report.output), list(report.warnings), report.to_dict(), mesh)
+
+
+def _free_suffixes(high: str) -> Suffixes:
+    """Endings by which nothing in the open file is called that is made of a high object of this name."""
+    usual = Suffixes()
+    made = {*naming.made_names(high, usual, asset_limits.MOST_LEVELS), naming.low_name_of(high, usual) + naming.LEVELS}
+    if made.isdisjoint([*bpy.data.objects.keys(), *bpy.data.collections.keys()]):
+        return usual
+    return replace(usual, low=f"_low {uuid.uuid4().hex}")
 
 
 def _names(maps: Any) -> dict[str, str]:
@@ -230,6 +400,33 @@ def _objects(source: Source, name: str) -> list[bpy.types.Object]:
 
 
 _ANGLE = kinds.WholeNumber(label="smooth_files", tooltip="", default=SMOOTH_BELOW, least=0, most=180)
+
+
+def _listed(sources: Any) -> list:
+    return list(sources) if isinstance(sources, list | tuple) else [sources]
+
+
+def _highs(sources: Sequence[Source], degrees: int) -> tuple[list[bpy.types.Object], dict[str, int]]:
+    """The objects of high meshes, and how those of files are shaded, as `_smoothed` says."""
+    highs, smooth = [], {}
+    for number, source in enumerate(sources, start=1):
+        objects = _objects(source, f"high {number}")
+        smooth |= _smoothed(source, objects, degrees)
+        highs += objects
+    return highs, smooth
+
+
+def _surface(obj: bpy.types.Object, uv: np.ndarray | None = None) -> Surface:
+    """An object's own mesh where it is in the scene. uv: of its corners (C, 2), in place of its own UVs."""
+    data, to_world = obj.data, mesh_reader.matrix(obj)
+    corners, linear = mesh_reader.triangles(data), to_world[:3, :3]
+    if np.linalg.det(linear) < 0.0:
+        corners = corners[:, ::-1]  # a mirrored object shows the other sides of its triangles
+    points = mesh_reader.points(data) @ linear.T + to_world[:3, 3]
+    normals = (mesh_reader.corner_normals(data) @ np.linalg.pinv(linear))[corners]
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
+    uv = mesh_reader.uvs(data, mesh_reader.active_uv_layer(data)) if uv is None else uv
+    return Surface(points, mesh_reader.corner_vertices(data)[corners], uv[corners], normals, obj.name)
 
 
 def _smoothed(source: Source, objects: Sequence[bpy.types.Object], degrees: int) -> dict[str, int]:

@@ -58,10 +58,16 @@ def test_an_installed_package_bakes(packages, tmp_path):
     assert "baked through the door" in done.stdout, done.stdout + done.stderr
 
 
-def test_the_lines_of_the_manual_bake(packages, tmp_path):
+def lines_of_the_manual():
+    """The examples of the manual: those of assets, which take longer, and all others."""
     examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
     lines = [each for each in examples if "bpy.ops" not in each]
-    assert len(lines) == 3
+    return [each for each in lines if "imprint.asset" in each], [each for each in lines if "imprint.asset" not in each]
+
+
+def test_the_lines_of_the_manual_bake(packages, tmp_path):
+    _, lines = lines_of_the_manual()
+    assert len(lines) == 4
     for name in ("rock_low.obj", "rock_high.obj"):
         (tmp_path / name).write_text(OBJ)
     checks = "assert normals.shape == (256, 256, 4)\nassert len(result.files) == 2\nprint('as the manual says')\n"
@@ -69,6 +75,20 @@ def test_the_lines_of_the_manual_bake(packages, tmp_path):
     program.write_text(MESHES + GRID + "\n".join(lines) + checks)
     done = run(packages, tmp_path, program)
     assert "as the manual says" in done.stdout, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_the_lines_of_the_manual_make_an_asset(packages, tmp_path):
+    lines, _ = lines_of_the_manual()
+    assert len(lines) == 1
+    program = tmp_path / "manual.py"
+    program.write_text(
+        "import imprint\n" + GRID + lines[0] + "assert set(result.maps) == {'ao'}\nprint('as the manual says')\n"
+    )
+    done = run(packages, tmp_path, program)
+    assert "as the manual says" in done.stdout and "(500, 3, 2) (256, 256, 4) 250" in done.stdout, (
+        done.stdout + done.stderr
+    )
 
 
 def test_without_blender_the_package_says_what_to_install(packages, tmp_path):

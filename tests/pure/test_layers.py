@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
-    "api": {"core", "scene", "jobs"},
+    "api": {"core", "scene", "jobs", "older_blender"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""
