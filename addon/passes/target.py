@@ -61,7 +61,7 @@ KEPT_BYTES = 512 * 2**20
 
 
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
-_READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
+_READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32), "RGBA8": ("UBYTE", 4, np.uint8)}
 COPY = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="lib/copied_frag.glsl",

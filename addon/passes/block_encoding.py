@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Encodes texels in the formats of blocks that GPUs read.
+
+The shaders count in whole numbers, so that each driver makes the same blocks to the bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..blocks.formats import BC4, BC5, SIDE, BlockFormat, Purpose
+from . import data_texture, target
+from .shader import Program
+
+_READS = (("RGBA32F", "FLOAT_2D", "texels"), ("R32F", "FLOAT_2D", "weights"))
+_WRITES = (("RGBA32UI", "UINT_2D", "blocks", "WRITE"),)
+BC4_CHANNELS = Program(
+    compute="blocks/bc4_comp.glsl",
+    texels=_READS,
+    images=_WRITES,
+    constants=(("INT", "has_weights"), ("INT", "channels")),
+)
+BC5_NORMALS = Program(
+    compute="blocks/bc5_normal_comp.glsl", texels=_READS, images=_WRITES, constants=(("INT", "has_weights"),)
+)
+BYTES = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="blocks/bytes_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32UI", "UINT_2D", "blocks"),),
+    constants=(("INT", "words"),),
+    outputs=(("VEC4", "bytes_out"),),
+)
+WORD = 4
+"""Bytes that are read back as a texel."""
+TEXELS_AT_ONCE = 2**22
+"""The most texels that are encoded in one dispatch: 64 MiB of floats."""
+
+
+def encoded(
+    texels: np.ndarray, block_format: BlockFormat, purpose: Purpose, weights: np.ndarray | None = None
+) -> np.ndarray:
+    """The blocks (H / 4, W / 4, bytes) uint8 of a map, those of the top row first.
+
+    Args:
+        texels: (H, W, 4) float32, the top row first, with sides that are multiples of 4. What the format cannot store, as
+            values below 0 or above 1, becomes the nearest that it can.
+        purpose: what the texels are, as Purpose says it.
+        weights: (H, W) float32 from 0 to 1: how much a texel counts. The extremes of a block are those of texels that count.
+            None: all count alike.
+
+    Raises ValueError for sides that are no multiples of 4, and for formats without an encoder.
+    """
+    height, width = texels.shape[:2]
+    if height % SIDE or width % SIDE or not height or not width:
+        raise ValueError(f"Blocks of {SIDE} x {SIDE} texels do not fill {width} x {height}.")
+    program, constants = _encoder(block_format, purpose)
+    out = np.empty((height // SIDE, width // SIDE, block_format.size), np.uint8)
+    rows = max(1, TEXELS_AT_ONCE // (width * SIDE))
+    for first in range(0, len(out), rows):
+        some = slice(first * SIDE, (first + rows) * SIDE)
+        _encode(
+            program,
+            out[first : first + rows],
+            texels=data_texture.image(texels[some]),
+            weights=data_texture.image(np.ones((1, 1)) if weights is None else weights[some], "R32F"),
+            has_weights=int(weights is not None),
+            **constants,
+        )
+    return out
+
+
+def _encoder(block_format: BlockFormat, purpose: Purpose) -> tuple[Program, dict[str, int]]:
+    """The program for a format, and its constants beside those that all have."""
+    if block_format == BC5 and purpose == Purpose.NORMAL:
+        return BC5_NORMALS, {}
+    if block_format in (BC4, BC5):
+        return BC4_CHANNELS, {"channels": block_format.channels}
+    raise ValueError(f"There is no encoder of {block_format.label}.")
+
+
+def _encode(program: Program, out: np.ndarray, **bindings) -> None:
+    """Fill `out`, contiguous, with the blocks of a part of a map."""
+    rows, columns, size = out.shape
+    blocks = target.get("blocks", columns, rows, "RGBA32UI")
+    groups = -(-columns // program.group[0]), -(-rows // program.group[1])
+    target.dispatch_groups(program, groups, blocks=blocks.texture, **bindings)
+    words = size // WORD
+    read = target.get("bytes of blocks", columns * words, rows, "RGBA8")
+    target.fill(read, BYTES, blocks=blocks.texture, words=words)
+    read.read(out.reshape(rows, columns * words, WORD))
