@@ -33,6 +33,7 @@ class BlockFormat:
         vulkan: The number of the format in KTX2 files (VkFormat of Vulkan 1.0).
         dxgi_srgb, vulkan_srgb: The same for colors as sRGB stores them; None where there is no such format.
         is_float: Whether it stores floats, rather than steps from 0 to 1.
+        is_signed: Whether it stores values below 0.
     """
 
     name: str
@@ -44,11 +45,13 @@ class BlockFormat:
     dxgi_srgb: int | None = None
     vulkan_srgb: int | None = None
     is_float: bool = False
+    is_signed: bool = False
 
 
 BC4 = BlockFormat("bc4", "BC4", 8, 1, 80, 139)
 BC5 = BlockFormat("bc5", "BC5", 16, 2, 83, 141)
 BC6H = BlockFormat("bc6h", "BC6H", 16, 3, 95, 143, is_float=True)
 BC7 = BlockFormat("bc7", "BC7", 16, 4, 98, 145, 99, 146)
-FORMATS = (BC4, BC5, BC6H, BC7)
+BC6H_SIGNED = BlockFormat("bc6h-signed", "BC6H with signs", 16, 3, 96, 144, is_float=True, is_signed=True)
+FORMATS = (BC4, BC5, BC6H, BC7, BC6H_SIGNED)
 BY_NAME = MappingProxyType({block_format.name: block_format for block_format in FORMATS})

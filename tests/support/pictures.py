@@ -36,6 +36,17 @@ def read(path) -> np.ndarray:
     return values[..., [0, 0, 0, 1]] if values.shape[-1] == 2 else values
 
 
+def as_stored(path) -> np.ndarray:
+    """The stored values (H, W, channels) of a file, in its own type, the top row first."""
+    oiio = _openimageio()
+    picture = oiio.ImageInput.open(str(path))
+    assert picture, oiio.geterror()
+    values = picture.read_image(picture.spec().format)
+    assert values is not None, picture.geterror()
+    picture.close()
+    return np.asarray(values)
+
+
 def read_passes(path) -> dict[str, np.ndarray]:
     """The passes (H, W, channels) of a multilayer EXR of one view layer by name, in their own type, row 0 at v = 0."""
     oiio = _openimageio()
