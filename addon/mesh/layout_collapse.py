@@ -18,13 +18,19 @@ from . import topology
 from .collapse import CollapseOptions, State, box
 from .quadrics import quadrics_of, side_planes, summed
 from .topology import EdgeTable
-from .triangles import checked, face_normals, unit_normals
+from .triangles import checked, face_areas, face_normals, unit_normals
 from .uv_seams import CONNECTED
 
 LINE = 1.0
 """How much the planes along lines inside the surface count, as quadrics.BORDER."""
 LEAST_UV_AREA = 0.05
 """The least area of a triangle in the layout, as a share of what that of its place was for its area on the surface."""
+FARTHEST = 0.02
+"""How far a collapse may move the surface, as the root mean square over all of it, in longest sides of its box.
+
+Lines leave few edges that can collapse, and the cheapest of these may fold a wall, which moves it by 0.28 or more. Tried on a
+housing of 300 triangles at 75: without a limit 128, outlines 14 % off; with 0.02 142, outlines 1.1 % off; 0.03 folds a plate.
+A chess piece and a helmet of 3,000 triangles reach 64 and 274 with it, a cow of 600 triangles 76."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +84,12 @@ def collapse_layout(mesh: Charted, options: CollapseOptions, room: float) -> Cha
 
     Args:
         mesh: the finer one, with areas above 0.
-        options: how coarse it becomes; `start` is not used.
+        options: how coarse it becomes, or less where the next edge moves the surface too far; `start` is not used.
         room: how far borders of islands may move outwards in the first UV layer, as a share of the map's side.
     """
     points, _ = checked(mesh.points, mesh.triangles)
     state = LayoutState(mesh, options, room)
-    state.run(options.triangles)
+    state.run(options.triangles, FARTHEST**2 * float(face_areas(state.points, state.triangles).sum()))
     center, size = box(points)
     used, triangles = topology.numbered(state.triangles)
     values = state.values[state.wedges]

@@ -67,6 +67,64 @@ def test_labels_and_corners_of_their_border_stay():
     assert np.linalg.norm(coarse.points, axis=1).min() < 1e-3  # where the border turns
 
 
+def blocks(filled, size=(1.0, 1.0, 1.0)):
+    """A closed mesh around the blocks of a grid (X, Y, Z) bool. Each plane is an island, with the places on it as UVs."""
+    padded = np.pad(filled, 1)
+    quads, islands = [], []
+    for axis in range(3):
+        for way in (1, -1):
+            is_open = padded & ~np.roll(padded, -way, axis)
+            low = np.argwhere(is_open) - 1
+            low[:, axis] += way > 0
+            steps = np.eye(3, dtype=int)[[(axis + 1) % 3, (axis + 2) % 3]][::way]
+            quads.append(np.stack([low, low + steps[0], low + steps[0] + steps[1], low + steps[1]], axis=1))
+            islands += [(axis, way, height) for height in low[:, axis]]
+    corners, numbers = np.unique(np.concatenate(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    a, b, c, d = numbers.reshape(-1, 4).T
+    kinds, which = np.unique(islands, axis=0, return_inverse=True)
+    points = corners / filled.shape * size
+    uvs = np.zeros((len(kinds), 2, 4))
+    for row, axis in enumerate(kinds[:, 0]):
+        uvs[row, [0, 1], [(axis + 1) % 3, (axis + 2) % 3]] = 0.1
+    uvs[:, 0, 3] = np.arange(len(kinds))
+    return charted(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]), np.tile(which, 2), *uvs)
+
+
+def volume(mesh):
+    return np.linalg.det(mesh.points[mesh.triangles]).sum() / 6.0
+
+
+BOX = np.ones((4, 4, 4), bool)
+ANGLE = BOX.copy()
+ANGLE[2:, 2:] = False
+TRAY = np.ones((6, 6, 4), bool)
+TRAY[1:-1, 1:-1, 1:] = False
+
+
+@pytest.mark.parametrize(
+    ("filled", "size", "fewest"),
+    [
+        (BOX[:1, :1, :1], (1.0, 1.0, 1.0), 12),
+        (BOX, (1.0, 1.0, 1.0), 12),
+        (BOX, (1.0, 1.0, 0.05), 12),
+        (ANGLE, (1.0, 1.0, 1.0), 20),
+        (TRAY, (1.0, 1.0, 1.0), 28),
+    ],
+    ids=["box", "subdivided box", "plate", "angle", "tray"],
+)
+def test_walls_stay_whole(filled, size, fewest):
+    """Each wall is an island. Whatever is wanted, all levels are closed and have the same volume, down to the fewest triangles
+    that have all corners."""
+    mesh = blocks(filled, size)
+    assert volume(mesh) == pytest.approx(filled.mean() * np.prod(size))
+    for count in (100, 60, 40, fewest, fewest - 1, 4):
+        coarse = collapse_layout(mesh, CollapseOptions(count), ROOM)
+        assert (EdgeTable.of(coarse.triangles).counts == 2).all()
+        assert volume(coarse) == pytest.approx(volume(mesh), rel=1e-6)
+        assert np.ptp(coarse.values[..., 2], axis=1).max() == 0.0
+        assert len(coarse.triangles) == min(len(mesh.triangles), max(count, fewest))
+
+
 def globe(n=24):
     """A sphere whose UVs are its longitude and its height, cut along one meridian and apart from its poles."""
     points, triangles = sphere(n)
