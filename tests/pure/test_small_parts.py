@@ -152,6 +152,8 @@ def test_borders_at_which_edges_of_three_triangles_end_stay():
     new, closed, holes = small_parts.filled(points, triangles, 0.11)
     assert holes == Small(1) and new[-1] == pytest.approx((0.75, 0.75, 0.0))
     assert face_areas(new, closed[-4:]).sum() == pytest.approx(0.01)
+    beside = np.concatenate([[(3 * 11 + 3, 3 * 11 + 4, len(points) - 1)], triangles[1:]])
+    assert small_parts.filled(points, beside, 0.25)[2] == Small(1)  # though all that is open there is as small as that
 
 
 @pytest.mark.parametrize(
