@@ -186,6 +186,20 @@ def test_curvature_inside_costs_as_that_of_a_round_cap():
     assert growth._cost(growth._sums, np.zeros(len(growth._sums))) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(("height", "spikes"), [(1.0, 1), (0.2, 0)])
+def test_a_border_that_leads_to_a_spike_gains_half(height, spikes):
+    """Two halves of a pyramid, whose tip would need a cut again: 120 degrees are missing around it, or 9."""
+    points = np.array([(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, height)], float)
+    charts = charts_of(points, np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]))
+    growth = _Growth(charts, np.array([0, 0, 1, 1]))
+    sums, inner = growth._sums, growth._inner
+    cost = growth._cost(sums.sum(axis=0)[None], inner.sum() + growth._between) - growth._cost(sums, inner).sum()
+    (most,) = growth._prices / cost
+    for share in (0.45, 0.55, 0.95, 1.05):
+        joins = _Growth(charts, np.array([0, 0, 1, 1])).join(share * most)
+        assert joins == (share < 1.0 / (1.0 + spikes)), share
+
+
 def test_many_small_bends_are_not_flat():
     """A cylinder of 8,000 sides, each of which differs from the next by less than a flat chart has room for."""
     _, labels = grown(*cylinder(1, 8000))
