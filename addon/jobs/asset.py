@@ -552,9 +552,10 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
             "distance or more triangles."
         )
     if low.how.is_made and limit.has_missed(count):
-        sentences.append(
-            f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: the high mesh allows no others."
-        )
+        why = "the high mesh allows no others."
+        if low.how.shares and count > limit.triangles:
+            why = f"fewer with the UVs of {low.how.shares!r} would fold its surface. Turn Own Textures on to get fewer."
+        sentences.append(f"{report.low!r} has {count:,} triangles, not {limit.triangles:,}: {why}")
     return sentences
 
 
@@ -563,7 +564,10 @@ def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
     count = len(lows) - 1
     if count >= wanted.levels:
         return []
-    return [f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: nothing coarser can be made of it."]
+    with_what = "of it." if wanted.owns_textures else "with its UVs. Own Textures may allow more."
+    return [
+        f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: nothing coarser can be made {with_what}"
+    ]
 
 
 def _not_done(low: Low, high: HighSurface | None) -> list[str]:

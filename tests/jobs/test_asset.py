@@ -4,6 +4,7 @@
 import threading
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -467,9 +468,20 @@ def test_levels_end_where_nothing_coarser_can_be_made(owns_textures):
     wanted = Wanted(triangles=900, levels=3, owns_textures=owns_textures)
     (report,) = finish(task([squares()], wanted))
     assert report.triangles["low"] == 4 and report.asset["missed"]
-    assert any("has 0 of 3 levels of detail: nothing coarser" in text for text in report.warnings)
+    (ended,) = (text for text in report.warnings if "has 0 of 3 levels of detail: nothing coarser" in text)
+    assert ("Own Textures" in ended) != owns_textures
     (low,) = bpy.data.collections["Squares_low_LODs"].objects
     assert low.name == report.low and len(bpy.data.meshes) == 2
+
+
+@pytest.mark.parametrize(
+    ("shares", "cure"), [("Box_low", "Turn Own Textures on"), (None, "the high mesh allows no others")]
+)
+def test_a_level_that_cannot_be_coarser_says_what_helps(shares, cure):
+    report = SimpleNamespace(low="Box_low_LOD1", appearance={}, triangles={"low": 12})
+    low = asset.Low(None, Wanted(triangles=6), asset.HowMade(is_made=True, shares=shares))
+    (sentence,) = asset._missed(report, low, 0.0)
+    assert sentence.startswith("'Box_low_LOD1' has 12 triangles, not 6: ") and cure in sentence
 
 
 @pytest.mark.slow
