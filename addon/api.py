@@ -282,7 +282,10 @@ def _wanted(texts: dict[str, Any], ways: dict[str, Any]) -> Wanted:
     if way["keep"] and text["triangles"]:
         raise BakeError("keep: the mesh keeps all its triangles. Leave out `triangles`.")
     return Wanted.of_texts(
-        *(text[name] for name in ("degrees", "triangles", "size", "distance")),
+        text["degrees"],
+        text["triangles"],
+        text["size"],
+        text["distance"],
         way["levels"],
         mending=Mending.of_texts(text["crumbs"], text["holes"], way["symmetry"]),
         owns_textures=way["own_textures"],
@@ -419,6 +422,8 @@ def _highs(sources: Sequence[Source], degrees: int) -> tuple[list[bpy.types.Obje
 def _surface(obj: bpy.types.Object, uv: np.ndarray | None = None) -> Surface:
     """An object's own mesh where it is in the scene. uv: of its corners (C, 2), in place of its own UVs."""
     data, to_world = obj.data, mesh_reader.matrix(obj)
+    if not isinstance(data, bpy.types.Mesh):
+        raise BakeError(f"{obj.name!r} is no mesh: convert it to one.")
     corners, linear = mesh_reader.triangles(data), to_world[:3, :3]
     if np.linalg.det(linear) < 0.0:
         corners = corners[:, ::-1]  # a mirrored object shows the other sides of its triangles

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, asset, check, farm, gpu, bench, test and build, and sets up what they need.
+"""Runs Imprint from a checkout: demo, bake, lod, asset, check, farm, gpu, mcp, bench, test and build, with what they need.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -664,6 +664,7 @@ COMMANDS = {
     "farm": (without_blender, "send a job file to a farm; see farm --help"),
     "gpu": (bake, "test the GPU and its driver; see gpu --help"),
     "report": (without_blender, "put the reports of several machines together; see report --help"),
+    "mcp": (without_blender, "serve agents by the Model Context Protocol; see mcp --help"),
     "bench": (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
     "test": (test, "run ruff and the tests; see test --help"),
 }

@@ -31,7 +31,7 @@ from . import (
 )
 from .blender_process import load_blender
 from .clashes import InputFiles
-from .commands import BAKE, CHECK, COMMANDS, FARM, GPU, LOD, REPORT, Command, WrongUsage
+from .commands import BAKE, CHECK, COMMANDS, FARM, GPU, LOD, MCP, REPORT, Command, WrongUsage
 from .options import RunOptions
 from .run_report import DONE, FAILED, NO_MACHINE, WRONG_USAGE, Only, ThisCall
 from .terminal import Meter
@@ -84,18 +84,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
     if command is not BAKE:
         program, words = f"{program} {command.name}", words[1:]
     try:
-        if command is FARM:
-            from . import farm_command
-
-            return farm_command.run(words, program)
-        if command is REPORT:
-            from . import report_command
-
-            return report_command.run(words, program, call)
-        if command is GPU:
-            from . import gpu_command
-
-            return gpu_command.run(words, program, meter)
+        if command in (FARM, REPORT, MCP, GPU):
+            return _without_bakes(command, words, program, meter, call)
         if command is CHECK:
             options = arguments.read_check(words, program)
             load_blender()
@@ -122,6 +112,25 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
         meter.clear()
         print(f"{program}: {sentence(error)}", file=sys.stderr)
         return NO_MACHINE if isinstance(error, NoGpu | NoGpuMemory | MemoryError) else FAILED
+
+
+def _without_bakes(command: Command, words: Sequence[str], program: str, meter: Meter, call: ThisCall) -> int:
+    """Run a command that has an own module. Returns the exit code, and raises what `_run` prints."""
+    if command is FARM:
+        from . import farm_command
+
+        return farm_command.run(words, program)
+    if command is REPORT:
+        from . import report_command
+
+        return report_command.run(words, program, call)
+    if command is MCP:
+        from . import mcp_command
+
+        return mcp_command.run(words, program)
+    from . import gpu_command
+
+    return gpu_command.run(words, program, meter)
 
 
 def _bake(options: RunOptions, sets: Sequence[argparse.Namespace], meter: Meter, *, may_start_processes: bool) -> int:

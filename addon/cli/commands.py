@@ -331,5 +331,26 @@ GPU = Command(
         }
     },
 )
-COMMANDS = {each.name: each for each in (BAKE, LOD, ASSET, CHECK, FARM, REPORT, GPU)}
+MCP = Command(
+    "mcp",
+    "Serve agents by the Model Context Protocol over the standard streams: the tools check, bake, asset, report and picture.",
+    {
+        "": {
+            "root": CommandOption(
+                "Folder that all files are in which are read and written",
+                {"type": option_types.path, "required": True, "metavar": "DIR"},
+            ),
+            "untrusted": CommandOption(
+                "Bake files of other people, as bake --untrusted does, into the folder out of the root",
+                {"action": "store_true"},
+            ),
+            "timeout": CommandOption(
+                "End a call that takes longer",
+                {"type": option_types.seconds, "metavar": "SECONDS"},
+                "1800",
+            ),
+        }
+    },
+)
+COMMANDS = {each.name: each for each in (BAKE, LOD, ASSET, CHECK, FARM, REPORT, GPU, MCP)}
 """By the first word of a call."""

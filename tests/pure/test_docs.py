@@ -11,7 +11,7 @@ import tomllib
 import pytest
 
 from addon.cli import arguments, job_file, run_report
-from addon.cli.commands import ASSET, BAKE, CHECK, COMMANDS, FARM, GPU, LOD, REPORT
+from addon.cli.commands import ASSET, BAKE, CHECK, COMMANDS, FARM, GPU, LOD, MCP, REPORT
 from addon.core.declarations import targets
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -151,7 +151,7 @@ def check_command(words):
         named, more = (COMMANDS[given[0]], given[1:]) if given and given[0] in COMMANDS else (BAKE, given)
         if more in ([], ["--help"]):
             return
-        if named in (FARM, REPORT, GPU):
+        if named in (FARM, REPORT, GPU, MCP):
             named.parser("imprint").parse_intermixed_args(more)
         elif named is not BAKE:
             {LOD: arguments.read_lod, ASSET: arguments.read_asset, CHECK: arguments.read_check}[named](more, "imprint")

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the tools of the Model Context Protocol server: their words, their folder, and sentences for nonsense."""
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from addon.cli import agent_tools, arguments, command, mcp_command
+from addon.cli.agent_tools import TOOLS, Place
+from addon.cli.commands import ASSET
+from addon.core.declarations.all_settings import DECLARED
+from tests.support import scenes, zoo
+
+MESHES = {"files": ["a.obj", "b.ply"]}
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder with a few files, and a link that leads out of it."""
+    root = tmp_path / "root"
+    root.mkdir()
+    for name in ("a.obj", "b.ply", "c.txt", "r.json"):
+        (root / name).write_text("")
+    (root / "map.png").write_bytes(b"\x89PNG\r\n\x1a\n...")
+    (tmp_path / "secret.obj").write_text("")
+    (root / "link.obj").symlink_to(tmp_path / "secret.obj")
+    (root / "away").symlink_to(tmp_path)
+    return Place(str(root))
+
+
+@pytest.fixture
+def ran(monkeypatch):
+    """The words of processes, which do nothing."""
+    words = []
+
+    def run(place, each):
+        words.append(list(each))
+        return 0, "{}", ""
+
+    monkeypatch.setattr(agent_tools, "_run", run)
+    return words
+
+
+def test_a_bake_is_a_call_of_the_command_line(place, ran):
+    given = {"low_file": "a.obj", "high_files": ["b.ply"], "output": "out/x.png", "maps": ["normal", "ao", "height"]}
+    answer = agent_tools.call(
+        place, "bake", given | {"size": "64", "options": {"samples": 4, "no-alpha": True, "udim": False}}
+    )
+    assert not answer.is_error
+    (words,) = ran
+    options = arguments.parse(words, "imprint")
+    root = Path(place.root)
+    assert [options.low_file, options.high_file] == [str(root / "a.obj"), [str(root / "b.ply")]]
+    assert (options.output, options.size, options.samples) == (str(root / "out" / "x.png"), (64, 64), 4)
+    assert options.normal and set(options.maps) == {"AO", "HEIGHT"} and not options.alpha and not options.udim
+    assert options.report == str(root / "out" / "x.report.json") and not options.untrusted
+
+
+def test_maps_without_a_normal_map(place, ran):
+    agent_tools.call(place, "bake", {**MESHES, "output": "x.png", "maps": ["ao"]})
+    assert "--no-normal" in ran[0] and "--maps=ao" in ran[0]
+
+
+def test_an_asset_is_a_call_of_the_command_line(place, ran):
+    agent_tools.call(
+        place, "asset", {"files": ["b.ply"], "export": "x.glb", "triangles": 500, "options": {"levels": 2}}
+    )
+    (words,) = ran
+    assert words[0] == ASSET.name
+    _, options = arguments.read_asset(words[1:], "imprint")
+    assert (options.asset.triangles, options.asset.levels, options.export) == (500, 2, str(Path(place.root, "x.glb")))
+
+
+def test_untrusted_files_are_baked_in_the_sandbox(place, ran):
+    place = Place(place.root, untrusted=True)
+    assert agent_tools.call(place, "bake", {**MESHES, "output": "x.png"}).is_error
+    assert agent_tools.call(place, "check", MESHES).is_error
+    assert ran == []
+    agent_tools.call(place, "bake", {**MESHES, "output": "out/x.png"})
+    options = arguments.parse(ran[0], "imprint")
+    assert options.untrusted
+    assert (options.input_folder, options.output_folder) == (place.root, os.path.join(place.root, "out"))
+
+
+BAKE = {**MESHES, "output": "x.png"}
+NONSENSE = [
+    *((name, arguments) for name in TOOLS for arguments in (None, [], 3, "x", {"nonsense": 1}, {3: 4})),
+    *((name, {}) for name in (None, 3, "", "rm", ["bake"], {}, "__class__")),
+    *(
+        ("bake", BAKE | {"output": each})
+        for each in ("", 3, None, "../x.png", "/x.png", "a\0b", "away/x.png", ".", "\ud800")
+    ),
+    *(("bake", BAKE | {"files": each}) for each in ([], "a.obj", [3], ["no.obj"], ["link.obj"], ["../secret.obj"])),
+    *(("bake", BAKE | {"files": each}) for each in (["c.txt"], [["a.obj"]], ["x" * 9999], [{}], ["away/secret.obj"])),
+    *(
+        ("bake", BAKE | {"options": {each: "x"}})
+        for each in ("save-blend", "report", "jobs", "log", "convert", "output", "")
+    ),
+    *(
+        ("bake", BAKE | {"options": {each: "x"}})
+        for each in ("untrusted", "records", "high-file", "export", "part", "file")
+    ),
+    *(("bake", BAKE | {"options": {"samples": each}}) for each in ({}, [[]], [], [{}], "a\0b", "\ud800")),
+    *(("bake", BAKE | {"options": each}) for each in ([], "samples=4", 3, True)),
+    *(("asset", {"files": ["b.ply"], "export": "x.glb", "triangles": each}) for each in ("5", True, None, [5], 1.5)),
+    *(("report", {"reports": each}) for each in (["no.json"], "r.json", [None], ["away/secret.obj"])),
+    *(("report", {"reports": ["r.json"], "key": each}) for each in ("a", "0", "....x", 3)),
+    *(("picture", {"path": each}) for each in ("c.txt", "no.png", "../secret.obj", "link.obj", ".", 3, "a\0")),
+]
+
+
+@pytest.mark.parametrize(("name", "given"), NONSENSE)
+def test_nonsense_gets_a_sentence_and_starts_nothing(place, ran, name, given):
+    before = sorted(Path(place.root).rglob("*"))
+    answer = agent_tools.call(place, name, given)
+    assert answer.is_error and not answer.png
+    assert len(answer.text) < 2000 and answer.text.count("\n") == 0 and answer.text.rstrip("?.") != answer.text
+    assert all(words[0] == "report" for words in ran)
+    assert sorted(Path(place.root).rglob("*")) == before
+
+
+def test_a_picture_is_the_file(place):
+    answer = agent_tools.call(place, "picture", {"path": "map.png"})
+    assert not answer.is_error and answer.png == Path(place.root, "map.png").read_bytes()
+
+
+def test_a_part_of_a_report(place, monkeypatch):
+    value = {"bakes": [{"state": "done", "reports": ["x" * 30_000]}]}
+    monkeypatch.setattr(agent_tools, "_run", lambda *_: (0, json.dumps(value), ""))
+    assert json.loads(agent_tools.call(place, "report", {"reports": ["r.json"], "key": "bakes.0.state"}).text) == "done"
+    whole = agent_tools.call(place, "report", {"reports": ["r.json"]})
+    assert whole.is_error and "bakes" in whole.text and len(whole.text) < 200
+    missing = agent_tools.call(place, "report", {"reports": ["r.json"], "key": "bakes.1"})
+    assert missing.is_error and "'1'" in missing.text
+
+
+def test_settings_name_no_file():
+    assert {"samples", "targets", "max-distance", "strict", "levels"} <= {*agent_tools.OF_ASSETS}
+    assert not {"output", "export", "report", "save-blend", "jobs", "file", "low-file", "convert"} & {
+        *agent_tools.OF_ASSETS
+    }
+
+
+def test_a_missing_kit_is_a_sentence_with_its_cure(tmp_path, monkeypatch, capsys):
+    for name in ("anyio", "mcp", "mcp.server", "mcp_types"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert command.run(["mcp", "--root", str(tmp_path)]) == 1
+    assert "-m pip install 'mcp>=2,<3'" in capsys.readouterr().err
+    assert command.run(["mcp", "--root", str(tmp_path / "no")]) == 2
+    assert "There is no folder" in capsys.readouterr().err
+    assert command.run(["mcp"]) == 2
+
+
+AGENT = Path(mcp_command.__file__).parents[2] / "scripts" / "agent"
+
+
+def test_the_skill_names_tools_and_settings_that_are_there():
+    text = (AGENT / "SKILL.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w[\w-]*)`", text))
+    assert {*TOOLS} <= named
+    arguments = {name for tool in TOOLS.values() for name in tool.properties}
+    measured = {"warnings", "missed", "overlap", "targets", "messages", "deviation"}
+    values = {"unreal", "unity", "godot", "three"}
+    assert named - {*TOOLS} - arguments - {*agent_tools.OF_ASSETS} - measured - values == set()
+    assert values <= {item.value.lower() for item in DECLARED["targets"].items}
+    for task in json.loads((AGENT / "tasks.json").read_text(encoding="utf-8")):
+        assert task["task"].endswith((".", "?")) and {*task["calls"]} <= {*TOOLS}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gpu_context")
+def test_a_client_of_the_kit_bakes(tmp_path):
+    """By the SDK's own client, over the standard streams of a process."""
+    anyio = pytest.importorskip("anyio")
+    pytest.importorskip("mcp_types")
+    from mcp.client import Client
+    from mcp.client.stdio import StdioServerParameters, stdio_client
+
+    zoo.plane("lo")
+    zoo.plane("hi", slope=0.1)
+    scenes.save(tmp_path / "s.blend")
+    words = [str(Path(mcp_command.__file__).parents[2] / "scripts" / "bake.py"), "--", "mcp", "--root", str(tmp_path)]
+
+    async def talk():
+        server = StdioServerParameters(command=sys.executable, args=words, env=dict(os.environ))
+        async with Client(stdio_client(server)) as client:
+            tools = await client.list_tools()
+            assert [tool.name for tool in tools.tools] == list(TOOLS)
+            given = {"files": ["s.blend"], "low": "lo", "high": ["hi"]}
+            seen = await client.call_tool("check", given)
+            assert not seen.is_error and "connected parts" in seen.content[0].text
+            done = await client.call_tool("bake", {**given, "output": "out/m.png", "size": "64"})
+            assert not done.is_error, done.content
+            result = json.loads(done.content[0].text)
+            assert result["files"] == [str(tmp_path / "out" / "m.png")]
+            shown = await client.call_tool("picture", {"path": result["picture"]})
+            assert shown.content[1].mime_type == "image/png" and not shown.is_error
+            part = await client.call_tool("report", {"reports": [result["report"]], "key": "bakes.0.state"})
+            assert json.loads(part.content[0].text) == "done"
+            for wrong in ({"output": 3}, {"output": "../x.png", **given}):
+                refused = await client.call_tool("bake", wrong)
+                assert refused.is_error and "Traceback" not in refused.content[0].text
+
+    anyio.run(talk)
