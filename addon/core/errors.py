@@ -82,6 +82,7 @@ class Fix(Enum):
     TEXTURE_SETS = "--texture-sets bakes an image for each", "texture_sets", True
     MISS_MASK = "--mask shows them", "mask", True
     REST_POSE = "--rest-pose bakes them without that", "rest_pose", True
+    BC7 = "--compression bc7 stores all three channels", "compression", "BC7"
     UDIM = "--udim bakes a map for each tile", "udim", True
 
     def __init__(self, in_shell: str, setting: str, value: Any):

@@ -20,12 +20,22 @@ class FileFormat:
         endings: Its file endings in lower case, the usual one first.
         depths: The bits per channel that it supports, in ascending order.
         is_float: Whether it stores floats, rather than steps from 0 to 1.
+        is_blocks: Whether it stores blocks of texels as GPUs read them, with all mip levels in one file.
+        has_alpha: Whether it can store alpha. Of blocks, their own format decides.
+        has_quality: Whether it can be stored with losses, to be smaller.
+        multiple: What the width and the height must be multiples of.
+        is_shown: Whether Blender shows its files.
     """
 
     label: str
     endings: tuple[str, ...]
     depths: tuple[int, ...]
     is_float: bool = False
+    is_blocks: bool = False
+    has_alpha: bool = True
+    has_quality: bool = False
+    multiple: int = 1
+    is_shown: bool = True
 
     @property
     def usual_depth(self) -> int:
@@ -37,7 +47,11 @@ PNG = FileFormat("PNG", (".png",), (8, 16))
 OPEN_EXR = FileFormat("OpenEXR", (".exr",), (16, 32), is_float=True)
 TIFF = FileFormat("TIFF", (".tif", ".tiff"), (8, 16))
 TARGA = FileFormat("Targa", (".tga",), (8,))
-FORMATS = (PNG, OPEN_EXR, TIFF, TARGA)
+DDS = FileFormat("DDS", (".dds",), (8,), is_blocks=True, multiple=4)
+KTX2 = FileFormat("KTX2", (".ktx2",), (8,), is_blocks=True, is_shown=False)
+WEBP = FileFormat("WebP", (".webp",), (8,), has_quality=True)
+JPEG = FileFormat("JPEG", (".jpg", ".jpeg"), (8,), has_alpha=False, has_quality=True)
+FORMATS = (PNG, OPEN_EXR, TIFF, TARGA, DDS, KTX2, WEBP, JPEG)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
 MESHES = (".glb", ".usd", ".usda", ".usdc", ".fbx")
 """The endings of files of meshes with maps, for engines."""
@@ -51,21 +65,43 @@ PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
 
 def of(path: str | PurePath) -> FileFormat:
     """The format of a file by its ending. Raises BakeError for an unknown ending."""
-    ending = PurePath(path).suffix.lower()
-    if ending not in BY_ENDING:
+    file_format = known(path)
+    if file_format is None:
         raise BakeError(f"{str(path)!r} does not end in one of {', '.join(BY_ENDING)}.")
-    return BY_ENDING[ending]
+    return file_format
+
+
+def known(path: str | PurePath) -> FileFormat | None:
+    """The format of a file by its ending; None for an unknown one."""
+    return BY_ENDING.get(PurePath(path).suffix.lower())
+
+
+LONGEST_SIDE = 16384
+"""Texels. Direct3D 11 and later, and most GPUs, take no longer ones."""
+
+
+def check_size(path: str | PurePath, size: tuple[int, int]) -> None:
+    """Raise BakeError for a width and a height that no program loads from a file of blocks at `path`."""
+    file_format = of(path)
+    what = f"A {file_format.label} file of {size[0]} x {size[1]} texels"
+    if max(size) > LONGEST_SIDE:
+        raise BakeError(f"{what} has a side above {LONGEST_SIDE:,}, which GPUs do not load: choose a smaller size.")
+    if any(side % file_format.multiple for side in size):
+        raise BakeError(
+            f"{what} does not load in Direct3D, which takes multiples of {file_format.multiple}: choose another size, or a "
+            f"{KTX2.endings[0]} file."
+        )
 
 
 def usual_depth(path: str) -> int:
     """The default bits per channel of the file at `path`."""
-    file_format = BY_ENDING.get(PurePath(path).suffix.lower())
+    file_format = known(path)
     return file_format.usual_depth if file_format else USUAL_DEPTH
 
 
 def takes(path: str, depth: int) -> bool:
     """Whether a file at `path` stores so many bits per channel; True for a path without a known ending."""
-    file_format = BY_ENDING.get(PurePath(path).suffix.lower())
+    file_format = known(path)
     return file_format is None or depth in file_format.depths
 
 

@@ -121,6 +121,11 @@ class MapType:
         return self.kind is Kind.VALUE and self.family is not Family.POINTS and self.socket != "Alpha"
 
     @property
+    def is_signed(self) -> bool:
+        """Whether its numbers can be below 0."""
+        return self.range in (Range.SIGNED, Range.BOX)
+
+    @property
     def is_gray(self) -> bool:
         """Whether the red, green and blue of its texels are the same."""
         return self.is_scalar or self.kind is Kind.STATE

@@ -11,7 +11,7 @@ from typing import Any
 from . import file_formats, map_types, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED, FORMER
-from .declarations.choices import Method, Pack, Space, Storage, VertexDomain, Wrap
+from .declarations.choices import Compression, Method, Pack, Space, Storage, VertexDomain, Wrap
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError, warn_of_former
 from .map_types import (
@@ -196,6 +196,10 @@ class StorageSettings:
     """Whether files have alpha."""
     mip_files: bool = _field("mip_files")
     """Whether files of mip levels are written, for storage FILE."""
+    compression: str = _field("compression")
+    """Of blocks. In the settings of one map, as map_names.settings_by_map has them, never AUTO."""
+    quality: int = _field("quality")
+    lossy_normals: bool = _field("lossy_normals")
     vertex_domain: str = _field("vertex_domain")
     connect_maps: bool = _field("connect_maps")
     material: bool = _field("material")
@@ -206,7 +210,38 @@ class StorageSettings:
     @property
     def is_float(self) -> bool:
         """Whether images store floats, rather than steps from 0 to 1."""
+        if self.is_blocks:
+            return self.compression == Compression.BC6H
         return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
+
+    @property
+    def is_blocks(self) -> bool:
+        """Whether files store blocks of texels, with their mip levels inside."""
+        file_format = file_formats.known(self.output) if self.storage == Storage.FILE else None
+        return file_format is not None and file_format.is_blocks
+
+    @property
+    def is_half(self) -> bool:
+        """Whether files store floats of 16 bits."""
+        return self.storage == Storage.FILE and self.is_float and (self.is_blocks or self.depth == 16)
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether images keep alpha. In the settings of one map: see `compression`."""
+        if self.storage != Storage.FILE:
+            return True
+        has_room = self.compression == Compression.BC7 if self.is_blocks else file_formats.of(self.output).has_alpha
+        return self.alpha and has_room
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether files change texels a little each time that they are written. In the settings of one map."""
+        if self.storage != Storage.FILE:
+            return False
+        file_format = file_formats.of(self.output)
+        return file_format.is_blocks or (
+            file_format.has_quality and not (self.quality == 100 and file_format.has_alpha)
+        )
 
 
 @dataclass(frozen=True, init=False)
@@ -292,7 +327,7 @@ class Settings:
     @property
     def mip_sizes(self) -> list[tuple[int, int]]:
         """The widths and heights of the mip levels that are written, from level 1 on, down to one texel."""
-        if not (self.storing.mip_files and self.storing.storage == Storage.FILE):
+        if self.storing.storage != Storage.FILE or not (self.storing.mip_files or self.storing.is_blocks):
             return []
         width, height = self.sampling.size
         return [
@@ -359,13 +394,20 @@ class Settings:
         if TOKEN in str(PurePath(storing.output).parent):
             yield f"{storing.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
         stored = self.map.packing.channels[-1] if self.map.packing else WHITE
-        if not storing.alpha and stored != WHITE:
+        has_alpha = storing.alpha and (bool(unknown) or file_formats.of(storing.output).has_alpha)
+        if not has_alpha and stored != WHITE:
             what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
             yield f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
-        depths = () if unknown else file_formats.of(storing.output).depths
-        if depths and storing.depth not in depths:
-            ending = PurePath(storing.output).suffix.lower()
-            yield f"A {ending} file stores {' or '.join(map(str, depths))} bits per channel, not {storing.depth}."
+        if unknown:
+            return
+        file_format, ending = file_formats.of(storing.output), PurePath(storing.output).suffix.lower()
+        if storing.depth not in file_format.depths:
+            depths = " or ".join(map(str, file_format.depths))
+            yield f"A {ending} file stores {depths} bits per channel, not {storing.depth}."
+        if file_format.is_blocks:
+            yield from _faults(partial(file_formats.check_size, storing.output, self.sampling.size))
+        if self.sampling.udim and not file_format.is_shown:
+            yield f"Blender shows no UDIM tiles of {ending} files: choose a .dds file, or turn UDIM Tiles off."
 
 
 def _faults(check: Callable[[], object]) -> Iterator[str]:

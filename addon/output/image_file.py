@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encodes texels as image files: PNG by a writer of its own, all other formats by OpenImageIO, which Blender contains."""
+"""Encodes texels as image files: PNG, DDS and KTX2 by writers of its own, all other formats by OpenImageIO, which Blender
+contains."""
 
 import importlib
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -15,11 +16,16 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
+from ..blocks import decoding
+from ..blocks.formats import BC5, BC7, BlockFormat, Purpose
 from ..core import file_formats, threads
 from ..core.errors import BakeError
 from ..core.file_formats import FileFormat
-from . import png_writer, value_encoding
+from ..core.file_structure import whole_files
+from ..passes import block_encoding
+from . import containers, png_writer, value_encoding, webp_notes
 from .atomic_file import Partial
+from .containers import Container
 from .write_queue import Content, WriteQueue, for_rows, top_first
 
 TARGA_END = b"TRUEVISION-XFILE.\0"
@@ -49,6 +55,10 @@ _ENCODINGS: Mapping[FileFormat, _Encoding] = MappingProxyType(
             | {"XResolution": 72.0, "YResolution": 72.0, "ResolutionUnit": "in"},
         ),
         file_formats.TARGA: _Encoding("targa", {"compression": "none"}),
+        file_formats.WEBP: _Encoding("webp", {}),
+        file_formats.JPEG: _Encoding(
+            "jpeg", {"jpeg:subsampling": "4:4:4"}
+        ),  # data has no colors that the eye sees less
     }
 )
 
@@ -89,30 +99,89 @@ def content(
     is_color: bool = False,
     is_gray: bool = False,
     note: str = "",
+    quality: int = 100,
+    blocks: "Blocks | None" = None,
 ) -> Content:
     """The file of `texels` in the format that the ending of `path` names. The texels may change afterwards.
+
+    Blocks are encoded at once, on the GPU: call this from the main thread. Raises BakeError for a size that the format does not
+    take.
 
     Args:
         texels: (height, width, 4) float32, row 0 at v = 0. Values are stored as they are, whatever alpha is.
         depth: Bits per channel.
-        is_color: Whether values are sRGB, which only PNG files declare.
+        is_color: Whether values are sRGB, which PNG files and those of blocks declare.
         is_gray: Whether red stands for all colors. Then a file has one channel, if its format has that: beside alpha in PNG
             alone.
+        quality: Of formats that have it: 100 is without losses, or with the least.
+        blocks: How formats of blocks store the texels.
         note: A text in ASCII for the file's metadata, which `note_of` reads.
     """
     file_format = file_formats.of(path)
     if file_format is file_formats.PNG:
         texts = {KEYWORD: note} if note else {}
         return png_writer.content(texels, depth, has_alpha=has_alpha, is_color=is_color, is_gray=is_gray, texts=texts)
-    is_single = is_gray and not has_alpha and file_format is file_formats.TIFF
+    if file_format.is_blocks:
+        return (blocks or Blocks(BC7)).content(texels, path, has_alpha=has_alpha, is_color=is_color, note=note)
+    has_alpha &= file_format.has_alpha
+    is_single = is_gray and not has_alpha and file_format in (file_formats.TIFF, file_formats.JPEG)
     texels = top_first(texels, has_alpha, is_gray=is_single)
     numbers = _numbers(texels, depth, is_float=file_format.is_float)
 
     def write(path: Path, _results: Iterator) -> None:
         path.open("wb").close()  # raises the error of the system, which OpenImageIO does not name
-        _write(numbers, path, file_format, {ATTRIBUTE: note} if note else {})
+        _write(numbers, path, file_format, ({ATTRIBUTE: note} if note else {}) | _packing(file_format, quality))
+        if note and file_format is file_formats.WEBP:  # in which OpenImageIO stores no texts
+            webp_notes.add(path, note)
 
     return Content([], write)
+
+
+BACKGROUND = 1 / 16
+"""How much a texel that no island covers counts beside one that is covered. Only filtering shows it."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """How texels become blocks.
+
+    Attributes:
+        purpose: What the encoder keeps small.
+        levels: The texels of the mip levels from 1 on, as those of the map.
+        has_map_in_alpha: Whether alpha holds a map, rather than 0 where no island covers a texel.
+    """
+
+    block_format: BlockFormat
+    purpose: Purpose = Purpose.DATA
+    levels: Sequence[np.ndarray] = ()
+    has_map_in_alpha: bool = False
+
+    def content(self, texels: np.ndarray, path: Path, *, has_alpha: bool, is_color: bool, note: str) -> Content:
+        """The file of texels, as the function `content` describes it."""
+        size = texels.shape[1], texels.shape[0]
+        file_formats.check_size(path, size)
+        has_alpha &= self.block_format.channels == 4
+        levels = [self._encoded(each, has_alpha=has_alpha) for each in (texels, *self.levels)]
+        held = Container(size, levels, self.block_format, is_color and not self.block_format.is_float, has_alpha, note)
+        return Content([], lambda path, _results: containers.write(path, held))
+
+    def _encoded(self, texels: np.ndarray, *, has_alpha: bool) -> np.ndarray:
+        texels = containers.padded(texels[::-1])
+        weights = None
+        if not self.has_map_in_alpha:
+            weights = np.where(texels[..., 3] > 0.0, np.float32(1.0), np.float32(BACKGROUND))
+        if not has_alpha:
+            texels = texels.copy()
+            texels[..., 3] = 1.0
+        return block_encoding.encoded(np.ascontiguousarray(texels), self.block_format, self.purpose, weights)
+
+
+def _packing(file_format: FileFormat, quality: int) -> dict[str, str]:
+    """The attribute of the quality in OpenImageIO, for formats that have one."""
+    if not file_format.has_quality:
+        return {}
+    is_exact = quality == 100 and file_format is file_formats.WEBP
+    return {"compression": "lossless" if is_exact else f"{_ENCODINGS[file_format].name}:{quality}"}
 
 
 def note_of(path: str | Path) -> str:
@@ -121,11 +190,15 @@ def note_of(path: str | Path) -> str:
     try:
         if file_formats.of(path) is file_formats.PNG:
             return png_writer.texts(path).get(KEYWORD, "")
+        if file_formats.of(path) is file_formats.WEBP:
+            return webp_notes.read(path)
         with open(path, "rb") as file:  # OpenImageIO does not tell such a file from one that is no image
             file.read(1)
     except OSError as error:
         raise BakeError(f"{str(path)!r} could not be read: {error.strerror}.") from error
     try:
+        if file_formats.of(path).is_blocks:
+            return containers.head_of(path).note
         with _opened(path) as (picture, _):
             note = str(picture.spec().getattribute(ATTRIBUTE) or "")
     except BakeError:
@@ -136,6 +209,8 @@ def note_of(path: str | Path) -> str:
 
 def format_of(path: str | Path) -> Format:
     """How a file stores its texels. Raises BakeError."""
+    if file_formats.of(path).is_blocks:
+        return _format_of(containers.head_of(path))
     with _opened(path) as (_, stored_as):
         return stored_as
 
@@ -143,6 +218,8 @@ def format_of(path: str | Path) -> Format:
 def read(path: str | Path) -> np.ndarray:
     """The texels (height, width, 4) float32 of a file, row 0 at v = 0, that `content` would store as they are there. Raises
     BakeError."""
+    if file_formats.of(path).is_blocks:
+        return decoded(containers.read(path))
     with _opened(path) as (picture, stored_as):
         numbers = picture.read_image(0, 0, 0, picture.spec().nchannels, _number_type(stored_as))
         if numbers is None:
@@ -156,6 +233,28 @@ def read(path: str | Path) -> np.ndarray:
     if not stored_as.is_float:
         texels[..., : 3 + stored_as.has_alpha] /= np.float32(2**stored_as.depth - 1)
     return np.ascontiguousarray(texels[::-1])
+
+
+def decoded(container: Container, level: int = 0) -> np.ndarray:
+    """The texels (height, width, 4) float32 of a mip level, row 0 at v = 0. Gray for one channel; of two, blue is rebuilt as
+    that of a unit normal that points up. Raises BakeError."""
+    width, height = containers.level_size(container.size, level)
+    values = decoding.decoded(container.levels[level], container.block_format)[:height, :width][::-1]
+    texels = np.ones((height, width, 4), np.float32)
+    if container.block_format is BC5:
+        texels[..., :2] = values
+        x, y = values[..., 0] * 2.0 - 1.0, values[..., 1] * 2.0 - 1.0
+        texels[..., 2] = 0.5 + 0.5 * np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
+    else:
+        texels[..., :3] = values[..., :3]
+    if container.has_alpha:
+        texels[..., 3] = values[..., 3]
+    return texels
+
+
+def _format_of(container: Container) -> Format:
+    is_float = container.block_format.is_float
+    return Format(container.size, value_encoding.HALF if is_float else 8, is_float, container.has_alpha)
 
 
 @contextmanager
@@ -195,8 +294,13 @@ def write(texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True,
 
 def check_format(path: str | Path) -> None:
     """Raise BakeError if this Blender cannot write files in the format of `path`."""
-    if file_formats.of(path) is not file_formats.PNG:
-        _library()
+    file_format = file_formats.of(path)
+    if file_format is file_formats.PNG or file_format.is_blocks:
+        return
+    if file_format.has_quality and _library().ImageOutput.create(_ENCODINGS[file_format].name) is None:
+        _library().geterror()
+        raise BakeError(f"This Blender's OpenImageIO does not write {file_format.label} files: choose PNG.")
+    _library()
 
 
 @cache
@@ -209,8 +313,8 @@ def _library() -> ModuleType:
         library = importlib.import_module("OpenImageIO")
     except ImportError as error:
         raise BakeError(
-            "This Blender lacks the Python module OpenImageIO, which writes OpenEXR, TIFF and Targa files: choose PNG, or "
-            "install the module (the package python3-openimageio on Debian and Ubuntu)."
+            "This Blender lacks the Python module OpenImageIO, which writes files other than PNG, DDS and KTX2: choose "
+            "PNG, or install the module (the package python3-openimageio on Debian and Ubuntu)."
         ) from error
     finally:
         del sys.path[len(sys.path) - len(own) :]
@@ -266,6 +370,8 @@ def _is_complete(path: Path, last_row: np.ndarray, file_format: FileFormat) -> b
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - len(TARGA_END)))
             return file.read() == TARGA_END
+    if file_format.has_quality:  # what was lossy has another last row
+        return not whole_files.problem(str(path), is_image=True)
     try:
         with _opened(path) as (picture, _):
             row = picture.read_scanline(picture.spec().height - 1, 0, _type_name(last_row.dtype))

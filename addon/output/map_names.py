@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import PurePath
 
 from ..core import file_formats, naming, udim
-from ..core.declarations.choices import Storage
-from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, MapType
+from ..core.declarations.choices import Compression, Space, Storage
+from ..core.map_types import BY_NAME, EMISSION, MASK, NORMAL, Kind, MapType
 from ..core.naming import MATERIAL, USUAL, fill_low, of_texture_sets
 from ..core.settings import MapSettings, Settings, StorageSettings
 from ..core.udim import TOKEN
@@ -80,12 +80,44 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
         depth = own_format.depths[-1]
     if map_type.is_color and map_type.socket and not is_file:
         depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
-    return settings.stored(
+    return _of_map(settings, map_type).stored(
         image=_named(settings.storing.image, map_type),
         output=str(path.with_stem(_named(path.stem, map_type))) if is_file else "",
         depth=depth,
         dither=settings.storing.dither and map_type.is_deep,
     )
+
+
+def _of_map(settings: Settings, map_type: MapType) -> Settings:
+    """The settings of one map, with the format of its blocks and its quality."""
+    storing = settings.storing
+    file_format = file_formats.known(storing.output) if storing.storage == Storage.FILE else None
+    if file_format is None or not (file_format.is_blocks or file_format.has_quality):
+        return settings
+    quality = 100 if map_type.kind is Kind.NORMAL and not storing.lossy_normals else storing.quality
+    return settings.stored(compression=_compression(settings, map_type), quality=quality)
+
+
+def _compression(settings: Settings, map_type: MapType) -> Compression:
+    """The format of the blocks of a map: the one of the settings if the map fits into it, or else the usual one."""
+    is_packed = map_type.name not in BY_NAME
+    is_normal, is_gray = map_type.kind is Kind.NORMAL, map_type.is_gray and not is_packed
+    fits = {Compression.BC7}
+    if is_gray:
+        fits.add(Compression.BC4)
+    if is_normal and settings.map.space == Space.TANGENT and settings.map.blue == "+Z":  # elsewhere z may be below 0
+        fits.add(Compression.BC5)
+    if not is_packed and map_type.kind is not Kind.LABEL:
+        fits.add(Compression.BC6H)
+    chosen = Compression(settings.storing.compression)
+    if chosen in fits:
+        return chosen
+    usual = [
+        Compression.BC4,
+        Compression.BC5,
+        *([Compression.BC6H] if map_type is EMISSION or map_type.is_vector else []),
+    ]
+    return next((each for each in usual if each in fits), Compression.BC7)
 
 
 def _named(name: str, map_type: MapType) -> str:
@@ -113,7 +145,7 @@ def stored_maps(map_settings: MapSettings) -> dict[str, MapType]:
 def settings_by_map(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake writes, by the map's name."""
     return {
-        name: settings if map_type is NORMAL else beside(settings, map_type)
+        name: _of_map(settings, map_type) if map_type is NORMAL else beside(settings, map_type)
         for name, map_type in stored_maps(settings.map).items()
     }
 
@@ -126,16 +158,21 @@ def first_map(map_settings: MapSettings) -> str:
 def planned_files(settings: Settings) -> Iterator[tuple[str, str]]:
     """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
     for name, of_map in settings_by_map(settings).items():
-        levels = [of_level(of_map, level) for level in levels_of(settings, name)]
+        levels = [of_level(of_map, level) for level in level_files(settings, name)]
         for path in filter(None, map(output_for, [of_map, *levels])):
             for tile in of_map.sampling.tiles or [TOKEN]:
                 yield udim.fill(path, tile), map_title(settings.map, name)
 
 
 def levels_of(settings: Settings, name: str) -> range:
-    """The numbers of the mip levels that are written of a stored map. Maps without a mean have none."""
+    """The numbers of the mip levels that are stored of a map. Maps without a mean have none."""
     has_mean = stored_maps(settings.map)[name].kind in (Kind.NORMAL, Kind.VALUE)
     return range(1, len(settings.mip_sizes) + 1) if has_mean else range(1, 1)
+
+
+def level_files(settings: Settings, name: str) -> range:
+    """The numbers of the mip levels of a stored map that have files of their own."""
+    return range(1, 1) if settings.storing.is_blocks else levels_of(settings, name)
 
 
 def map_title(map_settings: MapSettings, name: str) -> str:

@@ -18,15 +18,18 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..blocks import formats
+from ..blocks.formats import Purpose
 from ..core import file_formats, udim
-from ..core.declarations.choices import Space, Storage, VertexDomain
+from ..core.declarations.choices import Compression, Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
-from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, Kind, Labeled, Map
-from ..core.sentences import NOTE, WRONG, Sentence, rated
+from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, Kind, Labeled, Map, MapType
+from ..core.sentences import LOOK, NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
 from . import atomic_file, datablocks, image_file, journal, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
+from .image_file import Blocks
 from .map_names import name_for, output_for, settings_by_map, stored_maps
 from .shared_maps import Part
 from .value_encoding import SRGB
@@ -75,8 +78,7 @@ def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
         return value_encoding.dithered(texels)
     if not settings.storing.is_float:
         return value_encoding.rounded(texels, settings.storing.depth)
-    is_half = settings.storing.storage == Storage.FILE and settings.storing.depth == 16
-    return texels.astype(np.float16).astype(np.float32) if is_half else texels
+    return texels.astype(np.float16).astype(np.float32) if settings.storing.is_half else texels
 
 
 def _packed_tiles(settings: Settings) -> str:
@@ -87,7 +89,7 @@ def _packed_tiles(settings: Settings) -> str:
 
 
 def _is_dithered(storing: StorageSettings) -> bool:
-    return storing.dither and storing.depth == 8
+    return storing.dither and storing.depth == 8 and not storing.is_blocks
 
 
 class MapWriter:
@@ -97,7 +99,8 @@ class MapWriter:
     number, and threads write them while the caller goes on. Use it in a `with` block, or call `discard` at the end.
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
-    `assign_color_space`. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. queue:
+    `assign_color_space`. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. purpose,
+    is_signed, levels: of files of blocks, whether floats are below 0, and how many levels of each tile go into its file. queue:
     what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files. baked, kept: the
     parts of a map that several low objects share, and those whose texels stay as they are. kept_tiles: in which these
     were found.
@@ -112,6 +115,9 @@ class MapWriter:
         color_space: str = "",
         is_packed: bool = False,
         is_gray: bool = False,
+        purpose: Purpose = Purpose.DATA,
+        is_signed: bool = False,
+        levels: int = 1,
         queue: WriteQueue | None = None,
         has_image: bool = True,
         baked: Sequence[Part] = (),
@@ -123,6 +129,14 @@ class MapWriter:
         self.name, self.settings = settings.storing.image or name_for(low_name, settings.storing), settings
         self.is_normal, self.is_packed, self.is_gray = is_normal, is_packed, is_gray
         self.color_space, self.has_image = color_space, has_image
+        self._purpose, self._is_signed, self._levels = purpose, is_signed, levels
+        self._compression = settings.storing.compression if settings.storing.is_blocks else ""
+        if self._compression == Compression.AUTO:
+            self._compression = Compression.BC7
+        self._waiting: dict[int, list[np.ndarray]] = {}
+        """The levels of a tile that wait for the others."""
+        self.backwards = 0
+        """Texels whose normals lose the sign of z."""
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
@@ -145,8 +159,10 @@ class MapWriter:
     def __exit__(self, *_):
         self.discard()
 
-    def add(self, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None) -> None:
+    def add(self, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None, *, level: int = 0) -> None:
         """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
+
+        level: of mip levels, which follow the map one by one, if they go into its file.
 
         is_kept: the texels (height, width) bool that stay as they are stored now if the map has kept parts; None for none.
 
@@ -154,23 +170,31 @@ class MapWriter:
         they go into a file.
         """
         settings = self.settings
-        self.tiles.append(tile)
+        if level == 0:
+            self.tiles.append(tile)
         stored = texels  # Blender rounds
         if _is_dithered(settings.storing):
             stored = value_encoding.dithered(texels, with_alpha=self.is_packed)
-        if self.is_normal and not settings.storing.is_float:
+        if level == 0 and self.is_normal and self._compression == Compression.BC5:
+            self.backwards += int(np.count_nonzero((texels[..., 2] < 0.5) & (texels[..., 3] > 0.0)))
+        if self.is_normal and not settings.storing.is_float and not settings.storing.is_blocks:
             rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
             self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
         if self.has_kept and is_kept is not None:
             self._keep(tile, stored, is_kept)
         if self._path:
+            waiting = self._waiting.setdefault(tile, [])
+            waiting.append(stored)
+            if len(waiting) < self._levels:
+                return
+            stored, *levels = self._waiting.pop(tile)
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
             is_packed_float = self._folder and settings.storing.is_float
             depth = file_formats.OPEN_EXR.depths[-1] if is_packed_float else settings.storing.depth
             with partial.writing():
                 partial.temporary.touch()
-            has_alpha, is_color = settings.storing.alpha or bool(self._folder), self.color_space == SRGB
+            has_alpha, is_color = settings.storing.has_alpha or bool(self._folder), self.color_space == SRGB
             content = functools.partial(
                 image_file.content,
                 stored,
@@ -180,10 +204,19 @@ class MapWriter:
                 is_color=is_color,
                 is_gray=self.is_gray and not self._folder,
                 note="" if self._folder else shared_maps.to_text(self.parts, self._path),
+                quality=settings.storing.quality,
+                blocks=self._blocks(levels) if settings.storing.is_blocks else None,
             )
             self._written.append(self._queue.add(content, partial))
         else:
             self._texels = stored
+
+    def _blocks(self, levels: Sequence[np.ndarray]) -> Blocks:
+        """How the file of a tile stores its texels, with those of its other levels."""
+        block_format = formats.BY_NAME[self._compression.lower()]
+        if block_format is formats.BC6H and self._is_signed:
+            block_format = formats.BC6H_SIGNED
+        return Blocks(block_format, self._purpose, levels, has_map_in_alpha=self.is_packed)
 
     @property
     def paths(self) -> list[str]:
@@ -211,6 +244,8 @@ class MapWriter:
             file.result()
         if not self.has_image:
             return
+        if self._path and not file_formats.of(self._path).is_shown:
+            self._texels = image_file.read(self._partials[udim.FIRST].temporary)
         _check_image(self.name)  # again, because the user may have painted on it
         if self._path and self.settings.sampling.udim:
             self._keep_other_tiles()
@@ -228,7 +263,11 @@ class MapWriter:
     def show(self) -> bpy.types.Image:
         """Put the added texels into the image, and return it."""
         storing = self.settings.storing
-        if self._path:
+        if self._texels is not None and self._path:  # Blender does not show the file
+            image = datablocks.fill(
+                self.name, self._texels, is_float=storing.is_float, pack=True, color_space=self.color_space
+            )
+        elif self._path:
             image = datablocks.show(self.name, self._path, pack=self._folder is not None, color_space=self.color_space)
         else:
             pack = storing.storage == Storage.PACK
@@ -364,7 +403,10 @@ class Outputs:
             is_packed = name == self._packed
             shared = {"baked": baked, "kept": kept.get(name, ()), "kept_tiles": kept_tiles.get(name, ())}
             is_gray = types[name].is_gray and not is_packed
-            return MapWriter("", of_map, is_packed=is_packed, is_gray=is_gray, queue=queue, **shared, **more)
+            levels = 1 + len(map_names.levels_of(settings, name)) if of_map.storing.is_blocks else 1
+            kind = {"is_packed": is_packed, "is_gray": is_gray, "is_signed": types[name].is_signed, "levels": levels}
+            purpose = _purpose(types[name], of_map)
+            return MapWriter("", of_map, queue=queue, purpose=purpose, **kind, **shared, **more)
 
         self._writers = {
             name: writer(
@@ -378,9 +420,9 @@ class Outputs:
         self._levels = {
             (name, level): writer(name, map_names.of_level(of_map.settings, level), has_image=False)
             for name, of_map in self._writers.items()
-            for level in map_names.levels_of(settings, name)
+            for level in map_names.level_files(settings, name)
         }
-        """The writers of mip levels, by the name of the map and the number of the level."""
+        """The writers of mip levels that have files of their own, by the name of the map and the number of the level."""
         self._first = map_names.first_map(settings.map)
         self._late: dict[str, dict[tuple[int, int], Map]] = {
             name: {}
@@ -439,13 +481,13 @@ class Outputs:
             self._writers[NORMAL.name].add(tile, texels, is_kept)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, black_and_white(state == MISSED), is_kept)
-        elif self.settings.storing.storage == Storage.FILE and not self.settings.storing.alpha:
+        elif not self._writers[self._first].settings.storing.has_alpha:
             self._hides_misses |= bool((state == MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         self._add_others(tile, 0, maps)
         for level, level_maps in enumerate(levels, start=1):
             if NORMAL.name in self._writers:
-                self._levels[NORMAL.name, level].add(tile, level_maps[NORMAL.name][0])
+                self._add(NORMAL.name, level, tile, level_maps[NORMAL.name][0])
             self._add_others(tile, level, level_maps)
 
     def _add_others(self, tile: int, level: int, maps: dict[str, Map]) -> None:
@@ -489,6 +531,7 @@ class Outputs:
             datablocks.set_source_objects(image, highs, [low.name for low in lows])
         if self._hides_misses:
             warnings.append(HIDDEN_MISSES)
+        warnings += self._of_blocks()
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.map.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
@@ -506,13 +549,28 @@ class Outputs:
             mip_files={
                 name.lower(): [path for level in levels for path in self._levels[name, level].paths]
                 for name in self._writers
-                if (levels := map_names.levels_of(self.settings, name))
+                if (levels := map_names.level_files(self.settings, name))
             },
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
             attributes=attributes,
             loss=first.loss,
             warnings=warnings,
         )
+
+    def _of_blocks(self) -> list[Sentence]:
+        """What blocks do not keep, and where their files do not show."""
+        normals, texts = self._writers.get(NORMAL.name), []
+        if normals is not None and normals.backwards:
+            cause = (
+                f"{normals.backwards:,} texels of the normal map have z below 0, which BC5 does not store: they show as "
+                "facing up."
+            )
+            texts.append(Fix.BC7.after(Sentence(cause, LOOK, "rebuilt")))
+        output = map_names.output_for(self.settings)
+        if output and not file_formats.of(output).is_shown:
+            label = file_formats.of(output).label
+            texts.append(Sentence(f"Blender does not show {label} files: its images are packed copies of them.", NOTE))
+        return texts
 
     def _settings_of(self, name: str) -> Settings:
         """The settings of the image that stores a map: its own, or the packed one."""
@@ -533,25 +591,35 @@ class Outputs:
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(drawn, how)
         storing = self._settings_of(name).storing
-        is_half = storing.is_float and storing.storage == Storage.FILE and storing.depth == value_encoding.HALF
         if (
-            is_half
+            storing.is_half
             and BY_NAME[name].family.shows_materials
             and np.abs(texels[..., :3]).max() > value_encoding.MOST_HALF
         ):
             self._cut_off.add(name)
         if name in self._writers:
-            self._writer(name, level).add(tile, texels, self._kept.get(tile))
+            self._add(name, level, tile, texels, self._kept.get(tile))
 
-    def _writer(self, name: str, level: int) -> MapWriter:
-        return self._levels[name, level] if level else self._writers[name]
+    def _add(self, name: str, level: int, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None) -> None:
+        """Add a level of a map to its own file, or to that of the map."""
+        if (name, level) in self._levels:
+            self._levels[name, level].add(tile, texels, is_kept)
+        else:
+            self._writers[name].add(tile, texels, is_kept, level=level)
 
     def _pack(self) -> None:
         """Add the encoded maps that wait to the packed image."""
         for (tile, level), maps in self._unpacked.items():
             packed = value_encoding.packed(self.settings.map.packing, maps)
-            self._writer(self._packed, level).add(tile, packed, self._kept.get(tile))
+            self._add(self._packed, level, tile, packed, self._kept.get(tile))
         self._unpacked.clear()
+
+
+def _purpose(map_type: MapType, of_map: Settings) -> Purpose:
+    """What the encoder of blocks keeps small."""
+    if map_type.kind is Kind.NORMAL:
+        return Purpose.NORMAL
+    return Purpose.COLOR if value_encoding.color_space(map_type, of_map.storing) == SRGB else Purpose.DATA
 
 
 def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:

@@ -25,6 +25,7 @@ from ..core.settings import Settings
 from . import datablocks, image_file, journal
 from .image_file import Format
 from .map_names import output_for
+from .value_encoding import HALF
 
 RECORD = "imprint_low"
 """The custom property of images with the record of their parts."""
@@ -257,7 +258,8 @@ def wanted(settings: Settings) -> Format:
     """How a bake of these settings stores a map."""
     storing = settings.storing
     if storing.storage == Storage.FILE:
-        return Format(settings.sampling.size, storing.depth, storing.is_float, storing.alpha)
+        depth = HALF if storing.is_half else storing.depth
+        return Format(settings.sampling.size, depth, storing.is_float, storing.has_alpha)
     return Format(settings.sampling.size, 32 if storing.is_float else 8, storing.is_float)
 
 

@@ -77,6 +77,7 @@ FIXES = {
         "SETTINGS",
     ),
     Fix.DEPTH.name: ("Use 32 Bits", "Set Depth to 32, which holds larger values", "SETTINGS"),
+    Fix.BC7.name: ("Use BC7", "Set Compression to BC7, which stores the sign of z", "SETTINGS"),
     Fix.SAMPLES.name: ("Use 16 Samples", "Set Samples to 16", "SETTINGS"),
     Fix.NO_MATERIAL.name: (
         "Switch Material Off",

@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 
 import bpy
 
+from ..core import file_formats
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method, Pack, Space, Storage, Wrap
 from ..core.declarations.map_settings import ADAPTIVE_FROM
@@ -282,7 +283,11 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
             rows.prop(layout, "tiles")
         rows.prop(layout, "storage")
         if rows["storage"] == Storage.FILE:
-            rows.prop(layout, "output", "alpha", "mip_files")
+            file_format = file_formats.known(rows["output"])
+            is_blocks = file_format is not None and file_format.is_blocks
+            rows.prop(layout, "output", "alpha", "compression" if is_blocks else "mip_files")
+            if file_format is not None and file_format.has_quality:
+                rows.prop(layout, "quality", "lossy_normals")
         rows.prop(layout, "material")
         row = layout.row()
         row.enabled = rows["material"]

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.blocks.formats import BC4
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
@@ -552,12 +553,14 @@ def test_a_map_of_one_object_has_no_record(tmp_path):
 
 def note_in(path, note):
     """What is read back of a note in a file of a few texels."""
-    image = image_file.content(np.zeros((2, 2, 4), np.float32), path, 16 if path.suffix == ".exr" else 8, note=note)
+    texels, depth = np.zeros((4, 4, 4), np.float32), 16 if path.suffix == ".exr" else 8
+    image = image_file.content(texels, path, depth, note=note, blocks=image_file.Blocks(BC4))
     image.write(path, (part() for part in image.parts))
     return image_file.note_of(path)
 
 
-@pytest.mark.parametrize("ending", ["png", "exr", "tif", "tga"])
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("ending", ["png", "exr", "tif", "tga", "dds", "ktx2", "webp", "jpg"])
 def test_records_are_read_back(ending, tmp_path):
     """Names may be anything; of many in a Targa file, only checksums have room."""
     parts = [shared_maps.Part(f'{number} "ü\\\n[', "UV\0Map", number == 1, number * 2**20) for number in range(9)]

@@ -14,7 +14,12 @@ from addon.output.outputs import MapWriter, Outputs
 from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 33, 20
-KINDS = [(one.endings[0], depth) for one in file_formats.FORMATS for depth in one.depths]
+KINDS = [
+    (one.endings[0], depth)
+    for one in file_formats.FORMATS
+    for depth in one.depths
+    if not (one.is_blocks or one.has_quality)
+]
 LABELS = {Labeled.OBJECTS: ["hi"], Labeled.MATERIALS: []}
 
 

@@ -290,7 +290,10 @@ BLENDERS = {
     *("Non-Color", "Normals", "Recalculate Outside", "Set Weight", "Simplify", "System", "Weight Paint", "Weights"),
 }
 """Names of Blender's own interface in the pages for artists."""
-UNTRANSLATED = {"Atlas", "Auto", "Cycles", "Imprint", "Material", "MikkTSpace", "-Y", "8", "16", "32", "U", "V"}
+UNTRANSLATED = {
+    *("Atlas", "Auto", "BC4", "BC5", "BC6H", "BC7", "Cycles", "Imprint", "Material", "MikkTSpace"),
+    *("-Y", "8", "16", "32", "U", "V"),
+}
 EMPHASIS = {"Why", "What to do", "before", "with tangents", "Characters"}
 
 

@@ -105,6 +105,9 @@ SAID = {
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
     "alpha": ("--no-alpha", False),
     "mip_files": ("--mip-files", True),
+    "compression": ("--compression bc6h", "BC6H"),
+    "quality": ("--quality 90", 90),
+    "lossy_normals": ("--lossy-normals", True),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
     "one_material": ("--one-material", True),
@@ -183,7 +186,7 @@ WRONG = {
     "a folder and a scene": ("x.blend --pairs folder --output {low}.png", "name no others"),
     "a folder and one map": ("--pairs folder --output m.png", "put {low} into --output"),
     "a folder and one scene": ("--pairs folder --output {low}.png --save-blend s.blend", "--save-blend"),
-    "a wrong ending": ("--low a --output m.jpg", "does not end in one of .png"),
+    "a wrong ending": ("--low a --output m.gif", "does not end in one of .png"),
     "a scene with a wrong ending": ("--low a --output m.png --save-blend s.txt", "does not end in .blend"),
     "no size": ("--low a --output m.png --size 0", "Width: 0 is outside 16 to 16384"),
     "a tile in a folder's name": ("--low a --output <UDIM>/m.png", "in a folder's name"),

@@ -376,6 +376,7 @@ def test_a_button_sets_its_setting(kind):
         "depth": "16",
         "samples": "1",
         "material": True,
+        "compression": "AUTO",
     }
     settings = set_up_fixes(zoo.plane("lo"), zoo.terrain("hi", 8))
     setattr(settings, fix.setting, others.get(fix.setting, False))

@@ -37,6 +37,7 @@ UNTRANSLATED = {
     "Unity HDRP": "a name",
     **{target.label: "a program that reads maps" for target in targets.TARGETS},
     **dict.fromkeys(("1", "2", "4", "8", "16", "32", "64"), "a number"),
+    **dict.fromkeys(("BC4", "BC5", "BC6H", "BC7"), "a format of blocks"),
     **dict.fromkeys(("+X", "-X", "+Y (OpenGL)", "-Y (DirectX)", "+Z", "-Z", "U", "V"), "an axis"),
     **dict.fromkeys(("Auto", "Material"), "the same in all languages"),
 }

@@ -7,7 +7,7 @@ from .. import asset_limits, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
-from .choices import Directions, Hit, Storage, Symmetry
+from .choices import Compression, Directions, Hit, Storage, Symmetry
 from .kinds import (
     Choice,
     Color,
@@ -250,7 +250,36 @@ OUTPUT: dict[str, Setting] = {
     "mip_files": Switch(
         label="Mip Levels",
         tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the "
-        "map covers",
+        "map covers. DDS and KTX2 files always have them inside",
+    ),
+    "compression": Choice(
+        label="Compression",
+        tooltip="Format of the blocks of 4 x 4 texels in DDS and KTX2 files. Maps that do not fit into it have that of Auto",
+        default=Compression.AUTO,
+        items=(
+            Item(
+                Compression.AUTO,
+                "Auto",
+                "BC5 for normal maps in tangent space, BC4 for maps of one value, BC6H for emission, positions and vector "
+                "displacement, BC7 for all others",
+            ),
+            Item(Compression.BC4, "BC4", "One channel, 4 bits a texel"),
+            Item(Compression.BC5, "BC5", "Red and green, 8 bits a texel. Readers of normals rebuild blue"),
+            Item(Compression.BC6H, "BC6H", "Red, green and blue as floats, 8 bits a texel"),
+            Item(Compression.BC7, "BC7", "Red, green, blue and alpha, 8 bits a texel"),
+        ),
+    ),
+    "quality": WholeNumber(
+        label="Quality",
+        tooltip="Quality of WebP and JPEG files. At 100, WebP keeps all colors but those where alpha is 0, JPEG nearly all. "
+        "Normal maps have 100 unless Lossy Normals is on",
+        default=100,
+        least=1,
+        most=100,
+    ),
+    "lossy_normals": Switch(
+        label="Lossy Normals",
+        tooltip="Quality also holds for normal maps. Losses that no color shows turn reflections",
     ),
     "material": Switch(
         label="Material",

@@ -20,6 +20,16 @@ class Space(StrEnum):
     WORLD = "WORLD"
 
 
+class Compression(StrEnum):
+    """The format of the blocks in DDS and KTX2 files. AUTO: what fits each map."""
+
+    AUTO = "AUTO"
+    BC4 = "BC4"
+    BC5 = "BC5"
+    BC6H = "BC6H"
+    BC7 = "BC7"
+
+
 class Hit(StrEnum):
     """Which hit of a ray counts."""
 

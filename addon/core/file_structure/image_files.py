@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads the heads of images: their sizes, and whether their files end where they must. Pixels are not decoded.
 
-PNG by ISO/IEC 15948, JPEG by ITU-T T.81, TIFF 6.0 by Adobe, 1992, OpenEXR by its file layout, TGA by Truevision, 1991.
+PNG by ISO/IEC 15948, JPEG by ITU-T T.81, TIFF 6.0 by Adobe, 1992, OpenEXR by its file layout, TGA by Truevision, 1991, DDS
+by Microsoft's programming guide.
 """
 
 import math
@@ -235,3 +236,45 @@ def tga_is_whole(file: BinaryIO, size: int) -> bool:
     if kind > PLAIN_TGA:
         return True
     return 18 + more + has_map * count * ((map_bits + 7) // 8) + width * height * ((bits + 7) // 8) <= size
+
+
+# DDS
+
+
+_BLOCK_NAMES = {
+    **dict.fromkeys((b"DXT1", b"ATI1", b"BC4U", b"BC4S"), 8),
+    **dict.fromkeys((b"DXT2", b"DXT3", b"DXT4", b"DXT5", b"ATI2", b"BC5U", b"BC5S"), 16),
+}
+_BLOCK_NUMBERS = (
+    (range(70, 73), 8),
+    (range(73, 79), 16),
+    (range(79, 82), 8),
+    (range(82, 85), 16),
+    (range(94, 100), 16),
+)
+"""The bytes of a block, by the names of formats, and by their numbers (DXGI_FORMAT)."""
+_HAS_LEVELS, _HAS_NAME, _ALL_SIDES, _IS_VOLUME, _CUBE_FLAG = 0x20000, 0x4, 0xFC00, 0x200000, 0x4
+
+
+def dds_is_whole(file: BinaryIO, size: int) -> bool:
+    """All levels of all pictures are in the file. Formats that are not known here, and volumes, count as whole."""
+    flags, height, width, levels = unpack(file, "<4xI2I8xI", 4)
+    format_flags, name, bits, more = unpack(file, "<I4sI20xI", 80)
+    at, block, pictures = 128, 0, max(1, (more & _ALL_SIDES).bit_count())
+    if not format_flags & _HAS_NAME:
+        bits = min(bits, 128)
+    elif name == b"DX10":
+        number, misc, pictures = unpack(file, "<I4x2I4x", at)
+        at, pictures = at + 20, max(1, pictures) * (6 if misc & _CUBE_FLAG else 1)
+        block = next((length for numbers, length in _BLOCK_NUMBERS if number in numbers), 0)
+    else:
+        block = _BLOCK_NAMES.get(name, 0)
+    if more & _IS_VOLUME or not (block or not format_flags & _HAS_NAME):
+        return True
+    count = min(max(1, levels), 32) if flags & _HAS_LEVELS else 1
+    sides = [(max(1, width >> level), max(1, height >> level)) for level in range(count)]
+    if block:
+        length = sum(-(-along // 4) * -(-down // 4) * block for along, down in sides)
+    else:
+        length = sum((along * bits + 7) // 8 * down for along, down in sides)
+    return at + pictures * length <= size

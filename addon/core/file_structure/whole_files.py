@@ -233,6 +233,7 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), image_files.tiff_is_whole),
     (_starts(b"\x76\x2f\x31\x01"), image_files.exr_is_whole),
     (lambda start, _: start[:4] == b"RIFF" and start[8:12] == b"WEBP", _says_size("<I", 4, 8)),
+    (_starts(b"DDS "), image_files.dds_is_whole),
     (lambda start, ending: start[:2] == b"BM" and ending in (".bmp", ".dib"), _says_size("<I", 2)),
     (lambda start, ending: ending in TARGA.endings and is_tga(start), image_files.tga_is_whole),
     (_starts(b"POINTCACHE2\0"), _pc2),
@@ -253,5 +254,5 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b" BDV"), _volume),
 )
 """How to tell a format by its first bytes and the ending of its name, and whether a file of it is whole."""
-_OF_IMAGES = 7
+_OF_IMAGES = 8
 """So many of them, the first ones, are images."""
