@@ -39,9 +39,9 @@ def __getattr__(name: str) -> Any:
     try:
         import bpy  # noqa: F401
     except ModuleNotFoundError as error:
-        raise ImportError(
-            "Imprint bakes with Blender's Python package, which is missing: pip install 'imprint[bpy]'"
-        ) from error
+        from .addon.core.errors import NO_BLENDER
+
+        raise ImportError(NO_BLENDER) from error
     from .addon import api
 
     return getattr(api, name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on: what Blender registers, in order, and removes in reverse order."""
+"""The add-on: what Blender registers, in order, and removes in reverse order; and the program of an installed package."""
 
 import sys
 from contextlib import ExitStack
@@ -51,6 +51,35 @@ def unregister() -> None:
         bpy.app.handlers.load_pre.remove(before_loading)
     atexit.unregister(free)
     free()
+
+
+def run(words: list[str]) -> int:
+    """Do what `words`, the arguments, say in a process that does nothing else. Returns the exit code.
+
+    scripts/bake.py calls it, inside Blender and outside.
+    """
+    from .cli import command, interruption, set_options, standard_streams
+    from .core.progress import startup
+
+    startup.add_launcher()
+    set_options.read = scene_sets
+    standard_streams.reserve()
+    interruption.listen()  # before bpy is loaded, which takes a second and crashes on exceptions
+    try:
+        code = command.run(words, may_start_processes=True)
+    finally:
+        free()  # Blender crashes on exit while GPU objects exist
+    return interruption.leave() or code
+
+
+def main() -> None:
+    """The program `imprint` of an installed package."""
+    from .cli import blender_process
+
+    words = sys.argv[1:]
+    code = run(words[1:] if words[:1] == ["bake"] else words)  # as scripts/imprint.py names it
+    blender_process.end(code)
+    sys.exit(code)
 
 
 def scene_sets() -> list:

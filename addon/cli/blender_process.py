@@ -14,6 +14,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
+from ..core.errors import NO_BLENDER, NoGpu
 from ..core.progress import startup
 from . import standard_streams
 
@@ -141,9 +142,14 @@ def _nothing() -> None:
 
 
 def load_blender() -> None:
-    """Load Blender where it is a Python package. In Blender this does nothing."""
-    with standard_streams.silence(1), startup.spent("bpy"):
-        load()
+    """Load Blender where it is a Python package. In Blender this does nothing. Raises NoGpu if it cannot be loaded here."""
+    try:
+        with standard_streams.silence(1), startup.spent("bpy"):
+            load()
+    except ImportError as error:
+        raise NoGpu(
+            NO_BLENDER if error.name == "bpy" else f"Blender's Python package does not load: {error}"
+        ) from error
 
 
 TEMPORARY = "blender_"

@@ -31,8 +31,11 @@ class NothingDrawn(BakeError):
         self.is_covered = is_covered
 
 
+NO_BLENDER = "Imprint bakes with Blender's Python package, which is missing: pip install 'imprint-bake[bpy]'"
+
+
 class NoGpu(BakeError):
-    """Blender's gpu module does not start on this machine."""
+    """Blender, or its gpu module, does not start on this machine."""
 
 
 class NoGpuMemory(BakeError):

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks that a tag may become a release, and makes the files of it: the zip, its SHA-256, and notes from the changelog.
+"""Checks that a tag may become a release, and makes the files of it: the zip, the Python package as a wheel and as source, the
+SHA-256 of each, and notes from the changelog.
 
     python3 scripts/dev/release.py v0.3.0 [--output dist] [--check]
 
@@ -11,7 +12,10 @@ a section for it with a date, and nothing that is unreleased. What is wrong is p
 import argparse
 import hashlib
 import re
+import shutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from scripts import imprint  # noqa: E402
+from scripts.dev.site import build  # noqa: E402
 
 VERSIONED = ("blender_manifest.toml", "pyproject.toml", "CITATION.cff")
 """The files with the version of the next release."""
@@ -53,14 +58,30 @@ def notes(tag: str, root: Path = ROOT) -> str:
     return re.sub(r"\[([^\]]+)\]\((?!https?:)[^)]+\)", r"\1", text) + "\n"
 
 
+def packages(output: Path, root: Path = ROOT) -> list[Path]:
+    """Build the wheel and the source of the Python package from a checkout, and return their paths."""
+    requirements = ROOT / "scripts" / "dev" / "package_requirements.txt"
+    python = build.environment(ROOT / "out" / "package-environment", requirements)
+    with tempfile.TemporaryDirectory() as made:
+        command = [str(python), "-m", "hatchling", "build", "--directory", made]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise imprint.Failure(f"the package could not be built: {(done.stdout + done.stderr).strip()}")
+        output.mkdir(parents=True, exist_ok=True)
+        return [Path(shutil.move(path, output / path.name)) for path in sorted(Path(made).iterdir())]
+
+
 def make(tag: str, output: Path) -> None:
-    """Write the zip, its SHA-256 and the notes, and print their paths."""
+    """Write the files of a release, and print their paths."""
     archive = imprint.build_zip(imprint.environment(), imprint.SITE_PACKAGES, ROOT, output)
-    total = output / f"{archive.name}.sha256"
-    total.write_text(f"{hashlib.sha256(archive.read_bytes()).hexdigest()}  {archive.name}\n", encoding="utf-8")
+    made = [archive, *packages(output)]
+    for path in list(made):
+        total = output / f"{path.name}.sha256"
+        total.write_text(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n", encoding="utf-8")
+        made.append(total)
     text = output / "notes.md"
     text.write_text(notes(tag), encoding="utf-8")
-    print(*(archive, total, text), sep="\n")
+    print(*made, text, sep="\n")
 
 
 def main() -> int:

@@ -52,6 +52,16 @@ triangles = numpy.concatenate([first[:, None] + corners for corners in ([0, 1, 6
 """A wavy sheet of 6,962 triangles, of which the manual makes fewer."""
 
 
+NO_BPY = """
+class Finder:
+    def find_spec(name, *_):
+        if name == "bpy":
+            raise ModuleNotFoundError("No module named 'bpy'", name=name)
+sys.meta_path.insert(0, Finder)
+"""
+"""Lets Blender's package be missing."""
+
+
 @pytest.mark.slow
 def test_an_installed_package_bakes(packages, tmp_path):
     done = run(packages, tmp_path, SCRIPT)
@@ -96,4 +106,15 @@ def test_without_blender_the_package_says_what_to_install(packages, tmp_path):
     program.write_text("sys.modules['bpy'] = None\nimport imprint\nimprint.bake\n")
     done = run(packages, tmp_path, program)
     assert done.returncode == 1
-    assert "pip install 'imprint[bpy]'" in done.stderr
+    assert "pip install 'imprint-bake[bpy]'" in done.stderr
+
+
+def test_without_blender_the_program_says_what_to_install(packages, tmp_path):
+    (tmp_path / "plane.obj").write_text(OBJ)
+    program = tmp_path / "without.py"
+    words = ["--low-file", "plane.obj", "--high-file", "plane.obj", "--output", "m.png"]
+    program.write_text(f"{NO_BPY}\nfrom imprint import addon\nsys.argv[1:] = {words}\naddon.main()\n")
+    done = run(packages, tmp_path, program)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr.endswith("pip install 'imprint-bake[bpy]'\n")
+    assert "Traceback" not in done.stderr

@@ -18,10 +18,9 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 
 
-def environment(folder: Path) -> Path:
-    """The Python of the environment with MkDocs, which is made or updated if the requirements say so."""
+def environment(folder: Path, requirements: Path = HERE / "requirements.txt") -> Path:
+    """The Python of an environment, with MkDocs unless other requirements are given, which is made or updated by them."""
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    requirements = HERE / "requirements.txt"
     stamp = folder / "requirements.txt"
     if not stamp.exists() or stamp.read_bytes() != requirements.read_bytes():
         sys.path.insert(0, str(ROOT))
