@@ -32,6 +32,7 @@ RENDERED = {
     "faults": faults.pictures,
     "layers": near_layers.pictures,
     "gallery-layers": near_layers.gallery,
+    "start": near_layers.start,
     "plate": map_pictures.plate,
     "maps": map_pictures.heads,
     "map-settings": map_pictures.settings,

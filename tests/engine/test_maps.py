@@ -288,3 +288,15 @@ def test_the_table_of_encodings_has_the_scales_of_reports():
     for name, how in found.items():
         midlevel, scale, _ = encodings()[BY_NAME[name].label]
         assert (float(midlevel), scales[scale]) == pytest.approx((how["midlevel"], how["scale"]))
+
+
+def test_lights_change_no_map():
+    low, high = pair()
+    names = ["AO", "BASE_COLOR", "ROUGHNESS"]
+    _, dark = bake(low, high, maps=names)
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    bpy.context.scene.collection.objects.link(sun)
+    _, lit = bake(low, high, maps=names)
+    assert set(dark) >= {name.lower() for name in names}
+    for name, values in dark.items():
+        assert np.array_equal(values, lit[name]), name

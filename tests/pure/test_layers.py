@@ -158,6 +158,17 @@ def test_folders_without_blender_import_none():
     assert done.stdout == "False\n"
 
 
+def test_one_module_uses_the_network():
+    network = {"socket", "ssl", "http", "urllib/request", "ftplib", "smtplib", "socketserver", "xmlrpc"}
+    using = {
+        path.as_posix()
+        for path in MODULES
+        for name in imports(path)
+        if not {name, name.split("/")[0]}.isdisjoint(network)
+    }
+    assert using == {"addon/flamenco.py"}
+
+
 def test_state_is_in_objects():
     """No function assigns to a global name."""
     found = [(path.as_posix(), node.names) for path in MODULES for node in nodes(path) if isinstance(node, ast.Global)]

@@ -18,6 +18,9 @@ Picture = tuple[str, np.ndarray]
 SIZE = (480, 360)
 HALF_SIZE = (960, 1080)
 """Of each of two pictures side by side, in the gallery of the extension."""
+START_SIZE = (500, 520)
+"""Of each of three in the README."""
+COLLAR_CAMERA = (-0.5, -3.4, 1.3), (0, 0, 0.5)
 MAP = 1024
 RED = (0.6, 0.02, 0.01)
 FROM_BEHIND = (-0.45, 0.8, 0.6)
@@ -104,11 +107,19 @@ class Parts:
         self.low.data.update()
 
     def show(
-        self, camera: tuple, sun: tuple = models.FROM_LEFT, size: tuple[int, int] = SIZE, words: str = ""
+        self,
+        camera: tuple,
+        sun: tuple = models.FROM_LEFT,
+        size: tuple[int, int] = SIZE,
+        words: str = "",
+        shown: Sequence[bpy.types.Object] = (),
     ) -> np.ndarray:
-        """A render of the low mesh alone, with words below it."""
-        for obj in bpy.data.objects:
-            obj.hide_render = obj.type == "MESH" and obj != self.low
+        """A render of the low mesh alone, or of the objects `shown`, with words below it."""
+        for obj in list(bpy.data.objects):
+            if obj.type == "FONT":  # words of an earlier picture
+                bpy.data.objects.remove(obj)
+                continue
+            obj.hide_render = obj.type == "MESH" and obj not in (shown or (self.low,))
         models.light_and_camera(*camera, sun)
         models.set_sky("night")
         if words:
@@ -130,11 +141,8 @@ def _around(radius: np.ndarray, u: np.ndarray, z: np.ndarray) -> tuple[np.ndarra
     return radius * np.cos(angle), radius * np.sin(angle), z
 
 
-def collar(size: tuple[int, int] = SIZE, lens: float = 95.0, words: tuple[str, str] = ("", "")) -> Iterator[Picture]:
-    """A collar around a neck. Its studs stand off farther than the gap between the two is wide.
-
-    The front of the collar is cut away for the picture.
-    """
+def _collar_parts() -> Parts:
+    """A collar around a neck. Its studs stand off farther than the gap between the two is wide."""
     gap, thickness, studs = 0.03, 0.03, 0.05
 
     def neck(u, v, detail=0.0):
@@ -156,15 +164,36 @@ def collar(size: tuple[int, int] = SIZE, lens: float = 95.0, words: tuple[str, s
     def studded(u, v):
         return ring(u, v, studs / 0.16 * models.rivets(u * 16 % 1, v / 0.24 % 1, 1, 0.3, 0.16) * (v < 0.48))
 
+    return Parts((neck, ring), (skin, studded), low_sides=32, high_sides=600)
+
+
+def collar(size: tuple[int, int] = SIZE, lens: float = 95.0, words: tuple[str, str] = ("", "")) -> Iterator[Picture]:
+    """The collar, with the first hit and by default. Its front is cut away for the picture."""
     for name, settings, text in (
         ("collar-first-hit", {"hit": "OUTERMOST", "extrusion": 0.07, "max_distance": 0.14}, words[0]),
         ("collar-own-hit", {}, words[1]),
     ):
         models.clear()
-        parts = Parts((neck, ring), (skin, studded), low_sides=32, high_sides=600)
+        parts = _collar_parts()
         parts.bake(**settings)
         parts.remove(1, lambda center: (center[:, 1] < 0) & (np.abs(center[:, 0]) < 0.26))
-        yield name, parts.show(((-0.5, -3.4, 1.3), (0, 0, 0.5), lens), size=size, words=text)
+        yield name, parts.show((*COLLAR_CAMERA, lens), size=size, words=text)
+
+
+def start() -> Iterator[Picture]:
+    """README.md: the sculpt, the low mesh, and the low mesh after one press, side by side."""
+    models.clear()
+    parts = _collar_parts()
+    camera = (*COLLAR_CAMERA, 68.0)
+    bare, words = models.material("bare"), "{}: {:,} triangles"
+    highs = sum(2 * len(high.data.polygons) for high in parts.highs)
+    sculpt = parts.show(camera, size=START_SIZE, words=words.format("Sculpt", highs), shown=parts.highs)
+    parts.bake()
+    baked = parts.show(camera, size=START_SIZE, words="Bake pressed, nothing set")
+    parts.low.data.materials[0] = bare
+    low = parts.show(camera, size=START_SIZE, words=words.format("Low", 2 * len(parts.low.data.polygons)))
+    yield "start", np.concatenate([sculpt, low, baked], axis=1)
+    models.clear()
 
 
 def gallery() -> Iterator[Picture]:
