@@ -34,7 +34,7 @@ MAY_IMPORT = {
     "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
     "api": {"core", "scene", "jobs", "older_blender"},
-    "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
+    "": {"core", "passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers, runs and frees
 }
 """The packages that each package may import."""
 WITHOUT = {
