@@ -9,8 +9,9 @@
 const int TURNS = 2;
 const int MOST_WEIGHT = 1023;
 const int MIDDLE = BC4_ONE / 2;
+const int FARTHEST = 32767;  // so that three squares fit in 32 bits
 const int UNIT = BC4_ONE / 64;  // the length of a normal where the parabolas are made
-const int LEAST_SQUARE = UNIT * UNIT / 64;  // of z: near 0 the second order is no measure
+const int LEAST_SQUARE = UNIT * UNIT / 64;  // of z: near 0, the second order is no measure
 
 // The largest whole number whose square is not above `number`, which is below 2^31.
 int root(int number)
@@ -89,33 +90,16 @@ Aims aims(Bc4Rows values, Bc4Rows others, Bc4Rows read, Bc4Rows weights)
   return found;
 }
 
-// The square of the distance of two unit normals, whose components are half as long as BC4_ONE.
-uint distance_between(ivec3 from, ivec3 to)
+// Takes a pair of indices for those of four texels whose normals are nearer to what it shows than to what they had. Components are
+// from 0 to BC4_ONE.
+void take_nearer(int pair, ivec3 shown, ivec4 x, ivec4 y, ivec4 z, inout ivec4 found, inout uvec4 least)
 {
-  uvec3 off = uvec3(min(abs(from - to), ivec3(32767)));
-  off *= off;
-  return off.x + off.y + off.z;
-}
-
-// The pairs of indices of four texels whose normals are nearest: that of x + 8 times that of y.
-ivec4 pairs(ivec4 x, ivec4 y, ivec4 z, ivec3 x_ends, ivec3 y_ends)
-{
-  ivec4 found = ivec4(0);
-  for (int i = 0; i < 4; i++) {
-    ivec3 normal = ivec3(x[i], y[i], z[i]) - MIDDLE;
-    uint least = BC4_NONE;
-    for (int pair = 0; pair < 64; pair++) {
-      ivec2 place = ivec2(bc4_value(x_ends, pair & 7), bc4_value(y_ends, pair >> 3)) - MIDDLE;
-      int rest = MIDDLE * MIDDLE - place.x * place.x;
-      rest = rest > place.y * place.y ? root(rest - place.y * place.y) : 0;
-      uint cost = distance_between(normal, ivec3(place, rest));
-      if (cost < least) {
-        least = cost;
-        found[i] = pair;
-      }
-    }
-  }
-  return found;
+  uvec4 x_off = uvec4(min(abs(x - shown.x), ivec4(FARTHEST)));
+  uvec4 y_off = uvec4(min(abs(y - shown.y), ivec4(FARTHEST)));
+  uvec4 z_off = uvec4(min(abs(z - shown.z), ivec4(FARTHEST)));
+  uvec4 squares = x_off * x_off + y_off * y_off + z_off * z_off;
+  found += ivec4(lessThan(squares, least)) * (pair - found);
+  least = min(least, squares);
 }
 
 void main()
@@ -142,11 +126,26 @@ void main()
     y_ends = bc4_search(aimed.values, aimed.weights);
     y_read = bc4_values(bc4_indices(aimed.values, y_ends), y_ends);
   }
+  // A pair is the index of x, and 8 times that of y.
   Bc4Rows both;
-  both.a = pairs(x.a, y.a, z.a, x_ends, y_ends);
-  both.b = pairs(x.b, y.b, z.b, x_ends, y_ends);
-  both.c = pairs(x.c, y.c, z.c, x_ends, y_ends);
-  both.d = pairs(x.d, y.d, z.d, x_ends, y_ends);
+  both.a = ivec4(0);
+  both.b = ivec4(0);
+  both.c = ivec4(0);
+  both.d = ivec4(0);
+  uvec4 least_a = uvec4(BC4_NONE);
+  uvec4 least_b = uvec4(BC4_NONE);
+  uvec4 least_c = uvec4(BC4_NONE);
+  uvec4 least_d = uvec4(BC4_NONE);
+  for (int pair = 0; pair < 64; pair++) {
+    ivec3 shown = ivec3(bc4_value(x_ends, pair & 7), bc4_value(y_ends, pair >> 3), MIDDLE);
+    ivec2 place = shown.xy - MIDDLE;
+    int rest = MIDDLE * MIDDLE - place.x * place.x;
+    shown.z += rest > place.y * place.y ? root(rest - place.y * place.y) : 0;
+    take_nearer(pair, shown, x.a, y.a, z.a, both.a, least_a);
+    take_nearer(pair, shown, x.b, y.b, z.b, both.b, least_b);
+    take_nearer(pair, shown, x.c, y.c, z.c, both.c, least_c);
+    take_nearer(pair, shown, x.d, y.d, z.d, both.d, least_d);
+  }
   Bc4Rows of_x;
   of_x.a = both.a & 7;
   of_x.b = both.b & 7;

@@ -110,9 +110,10 @@ ivec3 bc4_search(Bc4Rows values, Bc4Rows weights)
         middle = ends.xy;
       }
     }
-    for (int round_left = 6; round_left > 0; round_left--) {
+    ivec2 around = middle;
+    for (int turn = 0; turn < 6 && (turn == 0 || size > 1 || any(notEqual(around, middle))); turn++) {
       size = max(1, size / 2);
-      ivec2 around = middle;
+      around = middle;
       for (int i = 0; i < 9; i++) {
         ivec3 ends = ivec3(around + (ivec2(i % 3, i / 3) - 1) * size, is_six);
         uint cost = bc4_cost(values, weights, ends, shift);
