@@ -6,9 +6,12 @@ The shaders count in whole numbers, so that each driver makes the same blocks to
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ..blocks.formats import BC4, BC5, SIDE, BlockFormat, Purpose
+from ..blocks import tables
+from ..blocks.formats import BC4, BC5, BC6H, BC6H_SIGNED, SIDE, BlockFormat, Purpose
 from . import data_texture, target
 from .shader import Program
 
@@ -22,6 +25,12 @@ BC4_CHANNELS = Program(
 )
 BC5_NORMALS = Program(
     compute="blocks/bc5_normal_comp.glsl", texels=_READS, images=_WRITES, constants=(("INT", "has_weights"),)
+)
+BC6H_COLORS = Program(
+    compute="blocks/bc6h_comp.glsl",
+    texels=(*_READS, ("RGBA32F", "FLOAT_2D", "modes")),
+    images=_WRITES,
+    constants=(("INT", "has_weights"), ("INT", "is_signed"), ("INT", "is_linear")),
 )
 BYTES = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -70,13 +79,38 @@ def encoded(
     return out
 
 
-def _encoder(block_format: BlockFormat, purpose: Purpose) -> tuple[Program, dict[str, int]]:
-    """The program for a format, and its constants beside those that all have."""
+def _encoder(block_format: BlockFormat, purpose: Purpose) -> tuple[Program, dict[str, Any]]:
+    """The program for a format, and its bindings beside those that all have."""
     if block_format == BC5 and purpose == Purpose.NORMAL:
         return BC5_NORMALS, {}
     if block_format in (BC4, BC5):
         return BC4_CHANNELS, {"channels": block_format.channels}
+    if block_format in (BC6H, BC6H_SIGNED):
+        own = {"is_signed": int(block_format.is_signed), "is_linear": int(purpose != Purpose.COLOR)}
+        return BC6H_COLORS, {"modes": data_texture.image(_bc6h_modes()), **own}
     raise ValueError(f"There is no encoder of {block_format.label}.")
+
+
+def _bc6h_modes() -> np.ndarray:
+    """The modes of BC6H as shaders/blocks/bc6h_comp.glsl reads them, (15, 82, 4) float32.
+
+    Those of one region come first, then those of two, of each the finest first. A row has numbers in two texels, then for
+    each bit the value that it is of, 3 end points + channel, or 12, the partition, and the bit of it. The last row has
+    the texels of the second region of each partition, as bits, and its anchor.
+    """
+    ordered = sorted(tables.BC6H_MODES, key=lambda mode: (mode.regions, -mode.precision))
+    rows = np.zeros((len(ordered) + 1, 82, 4), np.float32)
+    for row, mode in zip(rows, ordered, strict=False):
+        row[0] = mode.code, mode.code_bits, mode.precision, mode.is_relative
+        row[1, :3] = mode.others
+        for name, parts in tables.bc6h_fields(mode).items():
+            slot = 12 if name == "p" else 3 * int(name[1]) + "rgb".index(name[0])
+            for bits in parts:
+                for bit in range(bits.width):
+                    row[2 + bits.at + bit - mode.code_bits, :2] = slot, bits.up + bit
+    rows[-1, :32, 0] = tables.PARTITIONS[2][:32] @ (1 << np.arange(16))
+    rows[-1, :32, 1] = tables.ANCHORS[2][:32, 1]
+    return rows
 
 
 def _encode(program: Program, out: np.ndarray, **bindings) -> None:
