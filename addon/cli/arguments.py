@@ -12,13 +12,13 @@ from typing import Any
 from ..core import asset_limits, file_formats, levels, naming, udim
 from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Space, Storage
-from ..core.errors import BakeError, warn_of_former
+from ..core.errors import BakeError
 from ..core.naming import Suffixes
 from ..core.settings import PART_OF, Settings
 from ..core.stored_normals import StoredNormals
 from . import limits
 from .commands import ASSET, BAKE, CHECK, CONVERT, LOD, RUN, Command, WrongUsage
-from .options import FORMER_WORDS, SUBJECTS, RunOptions, option_word
+from .options import SUBJECTS, RunOptions, option_word
 
 
 def settings(options: argparse.Namespace) -> Settings:
@@ -323,23 +323,12 @@ _MAY_BE_NEGATIVE = {f"--{start}{channel}" for start in ("", "from-") for channel
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option. Earlier names of options
-    are replaced."""
-    result, words = [], map(_present, arguments)
+    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option."""
+    result, words = [], iter(arguments)
     for word in words:
         value = next(words, None) if word in _MAY_BE_NEGATIVE else None
         result.append(word if value is None else f"{word}={value}")
     return result
-
-
-def _present(argument: str) -> str:
-    """An argument with the present name of an option in place of an earlier one."""
-    name, is_given, value = argument.partition("=")
-    now = FORMER_WORDS.get(name.removeprefix("--")) if name.startswith("--") else None
-    if now is None:
-        return argument
-    warn_of_former(name, f"--{now}")
-    return f"--{now}{is_given}{value}"
 
 
 def _of_bake(command: Command, words: Sequence[str], program: str) -> argparse.Namespace:

@@ -11,11 +11,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..core.errors import warn_of_former
 from ..core.naming import did_you_mean
 from . import arguments, option_types
 from .commands import ASSET, LOD, WrongUsage
-from .options import FILE, FORMER_WORDS, OPTIONS, RUN_OPTIONS, CommandOption
+from .options import FILE, OPTIONS, RUN_OPTIONS, CommandOption
 from .run_report import STDOUT, ranges
 
 MOST_SHOWN = 80
@@ -53,9 +52,6 @@ def _parsed(key: str, words: Sequence[str]) -> Any:
 def _check_known(written: str, known: Collection[str]) -> str:
     """The key that was written, with dashes or underscores. Raises WrongUsage for an unknown one."""
     key = written.replace("_", "-")
-    if key in FORMER_WORDS:
-        warn_of_former(key, FORMER_WORDS[key])
-        key = FORMER_WORDS[key]
     if key in known:
         return key
     if key in RUN_OPTIONS:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..core.declarations import targets
-from ..core.errors import BakeError, warn_of_former
+from ..core.errors import BakeError
 from ..core.naming import did_you_mean
 
 SHARE, DEGREES, COUNT, LENGTH, SECONDS = "%", "deg", "", "units", "s"
@@ -56,7 +56,7 @@ APPEARANCES = (
 _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*([a-z%]*)\s*", re.IGNORECASE)
 
 
-DEVIATION, APPEARANCE, EXPORT, TARGETS, FORMER_TARGETS = "deviation", "appearance", "export", "targets", "readers"
+DEVIATION, APPEARANCE, EXPORT, TARGETS = "deviation", "appearance", "export", "targets"
 """What metrics need."""
 
 
@@ -185,10 +185,6 @@ def _limit(text: str) -> Limit:
             f"{text.strip()!r} is not a limit, such as missed<0.1%: a metric, one of {signs}, and a number."
         )
     name, sign, number, unit = match[1].lower(), match[2].replace("==", "="), float(match[3]), match[4].lower()
-    if name.startswith(FORMER_TARGETS):
-        now = f"{TARGETS}{name.removeprefix(FORMER_TARGETS)}"
-        warn_of_former(name, now)
-        name = now
     if name not in METRICS:
         starts = ", ".join(dict.fromkeys(known.split(".")[0] for known in METRICS))
         hint = did_you_mean([name], METRICS) or f": choose one of {starts}."

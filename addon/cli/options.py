@@ -277,8 +277,6 @@ JOBS = CommandOption(
     "Bake the sets in a .toml or .json file. Other options count for all sets, over what the file says",
     {"type": option_types.path, "metavar": "FILE"},
 )
-FORMER_WORDS = {"readers": "targets", "allow-missing-pages": "allow-missing-files"}
-"""Options and keys by their earlier names, which still work."""
 SUBJECTS = ("low", "high", "cage", "low-file", "high-file", "cage-file", "pairs", "part", "set")
 """The options that name what to bake."""
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages that the user reads: errors, what fixes their cause, and lengths and lists in words."""
 
-import warnings
 from collections.abc import Callable, Iterable
 from enum import Enum
 from typing import Any
@@ -62,11 +61,6 @@ def reason(error: OSError | RuntimeError) -> str:
         return error.strerror
     # Blender raises several reports at once; the first is the cause.
     return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
-
-
-def warn_of_former(former: str, name: str) -> None:
-    """Warn the caller of the caller that an earlier name will not work for ever."""
-    warnings.warn(f"{former} is now called {name}; the old name goes with version 0.4.", FutureWarning, stacklevel=3)
 
 
 class Fix(Enum):

@@ -179,7 +179,7 @@ class Report:
     seconds: dict[str, float] = _of("timings.seconds", default_factory=lambda: Timings().seconds)
     """Of each stage, and total: extract (reading Blender's meshes), orient (turning over faces of the high meshes), method
     (choosing it), tree (building that for rays), upload, distances (measuring them), draw, textures (reading images of the high
-    meshes; until version 0.4 also as pages), read (from the GPU), audit (the checks) and image (storing)."""
+    meshes), read (from the GPU), audit (the checks) and image (storing)."""
     startup: dict[str, float] = field(default_factory=dict)
     """Seconds before the bake drew: launcher (from the start of the process), bpy (loading Blender's Python package), imprint
     (loading Imprint), gpu (starting it), opening (the files) and shaders (compiling them, which is part of draw as well). Empty
@@ -218,11 +218,6 @@ class Report:
         """Plain data for json.dump, without references to objects of this session, the picture, and what was read."""
         values = asdict(replace(self, state=None))
         del values["refs"], values["picture"], values["state"]
-        # The former names of keys, until version 0.4.
-        values["readers"] = values["targets"]
-        values["seconds"]["pages"] = values["seconds"]["textures"]
-        if "targets" in values["export"]:
-            values["export"]["readers"] = values["export"]["targets"]
         return {"version": values.pop("version"), **values}
 
     def with_warnings(self, warnings: Iterable[str]) -> "Report":

@@ -9,7 +9,7 @@ from typing import Any
 
 from . import file_formats
 from .declarations import kinds
-from .declarations.all_settings import DECLARED, FORMER
+from .declarations.all_settings import DECLARED
 from .declarations.choices import Storage
 from .errors import BakeError
 from .naming import Suffixes, did_you_mean, fill_low, has_low, of_shared_textures
@@ -233,7 +233,7 @@ def _settings_of(keys: Mapping[str, Any]) -> tuple[Settings, list[str]]:
     others = []
     for key, value in keys.items():
         name = _OF_WORDS.get(key, "")
-        setting = DECLARED.get(FORMER.get(name, name))
+        setting = DECLARED.get(name)
         if key == "size":
             values["width"], values["height"] = _size(value)
         elif key == "suffixes":
@@ -261,5 +261,5 @@ _OF_WORDS = {
     setting.option.word or name.replace("_", "-"): name
     for name, setting in DECLARED.items()
     if setting.option is not None and name in PART_OF and name not in {"width", "height"}
-} | {name.replace("_", "-"): name for name in FORMER}
-"""The settings by their keys, also by earlier ones."""
+}
+"""The settings by their keys."""

@@ -10,10 +10,10 @@ from typing import Any
 
 from . import file_formats, map_types, udim
 from .declarations import bases
-from .declarations.all_settings import DECLARED, FORMER
+from .declarations.all_settings import DECLARED
 from .declarations.choices import Compression, Method, Pack, Space, Storage, VertexDomain, Wrap
 from .declarations.map_settings import ADAPTIVE_FROM
-from .errors import BakeError, warn_of_former
+from .errors import BakeError
 from .map_types import (
     BY_NAME,
     CUSTOM_SUFFIX,
@@ -262,9 +262,6 @@ class Settings:
         Args:
             values: settings by their names in `DECLARED`, and parts by theirs. The others have their defaults.
         """
-        for former in FORMER.keys() & values:
-            warn_of_former(former, FORMER[former])
-            values[FORMER[former]] = values.pop(former)
         for part, kind in PARTS.items():
             own = {each.name: values.pop(each.name) for each in fields(kind) if each.name in values}
             object.__setattr__(self, part, replace(values.pop(part, kind()), **own))

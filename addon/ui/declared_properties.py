@@ -19,9 +19,8 @@ from bpy.props import (
 
 from ..core import file_formats, map_types, udim
 from ..core.declarations import kinds
-from ..core.declarations.all_settings import DECLARED, FORMER, PANELS
+from ..core.declarations.all_settings import DECLARED, PANELS
 from ..core.declarations.choices import DistanceUnit, Storage
-from ..core.errors import warn_of_former
 from ..core.map_types import MapType
 from ..core.settings import PART_OF, Settings
 from .texts import LABEL
@@ -80,33 +79,6 @@ def _property(setting: kinds.Setting) -> tuple[Callable, dict[str, Any]]:
     raise TypeError(f"there is no property for {setting!r}")
 
 
-FORMER_PROPERTIES = {"imprint": FORMER, "imprint_view": {"reader": "target"}}
-"""The properties of groups of a scene by their earlier names, which scripts and files may still have."""
-
-
-def passed_on(former: str, name: str):
-    """A callback of a property with an earlier name: what a script sets goes to the present one."""
-
-    def update(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-        warn_of_former(former, name)
-        setattr(group, name, getattr(group, former))
-
-    return update
-
-
-def take_former_values(*_) -> None:
-    """Called by Blender when it has opened a file, which may have values under earlier names."""
-    for scene in (scene for scene in bpy.data.scenes if scene.is_editable):
-        groups = {group: names for group, names in FORMER_PROPERTIES.items() if hasattr(scene, group)}
-        for group, names in groups.items():
-            values = getattr(scene, group)
-            for former, name in names.items():
-                if values.is_property_set(former):
-                    if not values.is_property_set(name):
-                        setattr(values, name, getattr(values, former))
-                    values.property_unset(former)
-
-
 class Options:
     """The fields of Settings, under the same names, and the switches that make some of them None."""
 
@@ -139,9 +111,6 @@ class Options:
             name: None if is_switched_off(name) else _plain(DECLARED[name], getattr(owner(name), name))
             for name in PART_OF
         }
-        if fallback is not None:
-            given = [former for former in FORMER if self.properties.is_property_set(former)]
-            values |= {former: _plain(DECLARED[FORMER[former]], getattr(self, former)) for former in given}
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
         is_named = fallback is not None and owner("depth") is self
@@ -204,7 +173,7 @@ Options.__annotations__ = {
     name: declared(name)
     for name, setting in DECLARED.items()
     if name in PART_OF or getattr(setting, "empties", None) is not None
-} | {former: declared(name, options={"HIDDEN", "SKIP_SAVE"}) for former, name in FORMER.items()}
+}
 
 
 class OfPanels:

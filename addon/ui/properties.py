@@ -17,8 +17,8 @@ from ..core.settings import Settings
 from ..jobs.job import Job
 from ..scene import evaluation, object_checks
 from . import engine_choice, object_pairs, results, several
-from .callbacks import events, registering
-from .declared_properties import MapList, OfPanels, Options, declared, passed_on, take_former_values
+from .callbacks import registering
+from .declared_properties import MapList, OfPanels, Options, declared
 from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .texts import labeled
 
@@ -111,7 +111,6 @@ WithEngine.__annotations__ = {
 class ImprintSettings(bpy.types.PropertyGroup, WithEngine, Options, OfPanels, MapList):
     """Scene.imprint."""
 
-    readers: declared("targets", update=passed_on("readers", "targets"), options={"HIDDEN"})
     low: declared("low", poll=is_mesh)
     highs: declared("highs", type=ImprintHigh)
     cage: declared("cage", poll=is_mesh, update=_choose("cage"))
@@ -341,7 +340,6 @@ class ImprintFound(bpy.types.PropertyGroup):
     )
 
 
-events.hear(load_post=take_former_values)
 CLASSES = (ImprintSettings, ImprintFound)
 register, unregister = registering(
     CLASSES,

@@ -11,7 +11,7 @@ from ..core.errors import BakeError
 from ..core.scene_sets import Part, SceneSet
 from ..jobs.job import Job
 from ..output import map_names
-from . import declared_properties, object_pairs, properties, sets
+from . import object_pairs, properties, sets
 
 
 def described() -> list[SceneSet]:
@@ -64,5 +64,4 @@ def registered() -> Iterator[None]:
         for module in () if hasattr(bpy.types.Scene, "imprint") else (object_pairs, properties, sets):
             module.register()
             undo.callback(module.unregister)
-        declared_properties.take_former_values()
         yield

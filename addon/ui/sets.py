@@ -20,7 +20,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntPropert
 
 from ..core import naming
 from ..core.declarations import kinds, targets
-from ..core.declarations.all_settings import DECLARED, FORMER
+from ..core.declarations.all_settings import DECLARED
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.naming import Pair
@@ -49,9 +49,7 @@ STANDS_FOR = {
     **{map_switch(name): ("maps",) for name in DECLARED["maps"].values},
 }
 """The settings behind properties whose values are made."""
-_STORED = tuple(
-    name for name in Options.__annotations__ | WithEngine.__annotations__ if name not in {*STANDS_FOR, *FORMER}
-)
+_STORED = tuple(name for name in Options.__annotations__ | WithEngine.__annotations__ if name not in STANDS_FOR)
 
 
 class ImprintPart(bpy.types.PropertyGroup, Slot):

@@ -16,7 +16,6 @@ from ..scene.textures import SINGLE
 from . import object_pairs
 from .callbacks import Key, registering
 from .check_panel import CHECKS
-from .declared_properties import passed_on
 from .live import live
 from .modal import QuickOperator, SlicedOperator, WaitingOperator
 from .progress_display import display
@@ -95,14 +94,6 @@ class ImprintView(bpy.types.PropertyGroup):
         items=TARGETS,
         update=_read_again,
         options=set(),
-    )
-    reader: labeled(
-        EnumProperty,
-        "Target Engine",
-        "Program as which the view reads a tangent-space map. It shows what the program would show of this map",
-        items=TARGETS,
-        update=passed_on("reader", "target"),
-        options={"HIDDEN"},
     )
     light: labeled(
         PointerProperty,

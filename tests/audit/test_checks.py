@@ -28,7 +28,6 @@ def bake(low, *highs, cage=None, size=(64, 64), **settings):
     job = Job(low, highs, cage)
     report = bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
     values = json.loads(json.dumps(report.to_dict()))
-    del values["readers"]  # the earlier name of a key
     return Report(**values)
 
 

@@ -278,8 +278,6 @@ def report(whole):
     return lambda *more: whole(*more)["bakes"][0]["reports"][0]
 
 
-FORMER = ("readers",)
-"""Keys that go with version 0.4."""
 PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "map.png"]
 
 
@@ -287,7 +285,7 @@ PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "map.png
 def test_the_report_of_one_bake_has_the_keys_of_its_schema(report, method):
     found = report(*PAIR, "--method", method, "--maps", "height,object-id", "--depth", "8")
     properties = SCHEMA["$defs"]["bake"]["properties"]
-    assert set(found) - set(FORMER) == set(properties)
+    assert set(found) == set(properties)
     found["maps"] = {key: how for maps in found["maps"].values() for key, how in maps.items()}
     for key in ("triangles", "distances", "loss", "seconds", "startup", "maps"):
         described = set(re.findall(r"[a-z]\w+", properties[key]["description"].lower()))

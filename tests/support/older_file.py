@@ -16,8 +16,6 @@ import bpy
 import gpu
 
 SIZE = 16
-FORMER = {"readers"}
-"""Properties that stand for others of a later name."""
 
 
 def main(checkout: str, out: str) -> None:
@@ -67,7 +65,7 @@ def change(settings: bpy.types.PropertyGroup) -> None:
     for setting in settings.bl_rna.properties:
         name = setting.identifier
         follows = name in {"names", "size", "engine"} or name.startswith("bakes_") or name.endswith("_length")
-        if setting.is_readonly or follows or name in {"name", *FORMER}:
+        if setting.is_readonly or follows or name == "name":
             continue
         if setting.type == "ENUM":
             last = setting.enum_items[-1].identifier

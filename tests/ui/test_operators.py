@@ -9,7 +9,6 @@ import pytest
 
 from addon import flamenco
 from addon.core import map_types, naming, progress
-from addon.core.declarations.all_settings import FORMER
 from addon.core.errors import BakeError
 from addon.scene import mesh_reader
 from addon.ui import bake_panel, pair_operators, preferences, properties, sets_panel
@@ -433,7 +432,7 @@ def test_the_panel_shows_every_setting(pair):
     shown.update(draw().properties)
     # The list of high objects has the last two, switches stand for the maps, and engines set the names.
     hidden = {"rna_type", "name", "names", "engine_name", "maps", "active_high"}
-    assert names - (shown - {"name"}) - set(FORMER) - {"highs", "active_set"} == hidden  # a set has a name
+    assert names - (shown - {"name"}) - {"highs", "active_set"} == hidden  # a set has a name
 
 
 def test_one_size_for_both_sides(pair):

@@ -204,7 +204,7 @@ def test_by_hand_written_sets(props, tmp_path):
         low = "b_low"
         output = "b.<UDIM>.png"
         samples = 4
-        readers = ["unreal"]
+        targets = ["unreal"]
 
         [[bake]]
         name = "Hands"
@@ -224,8 +224,7 @@ def test_by_hand_written_sets(props, tmp_path):
     path.write_text(path.read_text().replace("ignore_backfaces", "facing_only"))
     bpy.context.scene.imprint_sets.clear()
     use(measure=False)
-    with pytest.warns(FutureWarning, match="readers is now called targets"):
-        assert bpy.ops.imprint.sets_from_job_file(filepath=str(path)) == {"FINISHED"}
+    assert bpy.ops.imprint.sets_from_job_file(filepath=str(path)) == {"FINISHED"}
     use(measure=True)  # what a job file says of a number is not the scene's to switch off
     by_name, hands, pairs = bpy.context.scene.imprint_sets
     assert (by_name.name, hands.name, pairs.source) == ("b", "Hands", "NAMES")

@@ -417,5 +417,3 @@ PANELS = {
 """In the order of the sidebar."""
 DECLARED: dict[str, Setting] = {name: value for panel in PANELS.values() for name, value in panel.settings.items()}
 """All settings by name."""
-FORMER = {setting.former: name for name, setting in DECLARED.items() if setting.former}
-"""The settings by their earlier names."""

@@ -82,8 +82,6 @@ class Setting:
     """The name of the switch in the panel that sets the value to None."""
     option: Option | None = Option()
     """None if the command line does not have the setting."""
-    former: str = ""
-    """The earlier name of the setting, which still works in scripts, job files and .blend files, with a warning."""
     metavar: ClassVar[str] = ""
 
     def check(self, value: Any) -> None:

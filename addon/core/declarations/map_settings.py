@@ -79,7 +79,6 @@ MAP: dict[str, Setting] = {
             for target in targets.TARGETS
         ),
         option=Option(explains=False, note=f"Any of {', '.join(target.name for target in targets.TARGETS)}"),
-        former="readers",
     ),
     "uv_layer": Text(
         label="UV Map", tooltip="UV map of the low mesh", empty="the active one", option=Option(word="uv")
