@@ -6,13 +6,16 @@ The shaders count in whole numbers, so that each driver makes the same blocks to
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..blocks import tables
-from ..blocks.formats import BC4, BC5, BC6H, BC6H_SIGNED, SIDE, BlockFormat, Purpose
-from . import data_texture, target
+from ..blocks.formats import BC4, BC5, BC6H, BC6H_SIGNED, BC7, SIDE, BlockFormat, Purpose
+from . import bc7_encoding, data_texture, target
+from . import blender_gpu as gpu
 from .shader import Program
 
 _READS = (("RGBA32F", "FLOAT_2D", "texels"), ("R32F", "FLOAT_2D", "weights"))
@@ -63,31 +66,33 @@ def encoded(
     height, width = texels.shape[:2]
     if height % SIDE or width % SIDE or not height or not width:
         raise ValueError(f"Blocks of {SIDE} x {SIDE} texels do not fill {width} x {height}.")
-    program, constants = _encoder(block_format, purpose)
+    has_alpha = block_format == BC7 and bool((texels[..., 3] < 1.0).any())
+    encode, texels_at_once = _encoder(block_format, purpose, has_alpha)
     out = np.empty((height // SIDE, width // SIDE, block_format.size), np.uint8)
-    rows = max(1, TEXELS_AT_ONCE // (width * SIDE))
+    rows = max(1, texels_at_once // (width * SIDE))
     for first in range(0, len(out), rows):
         some = slice(first * SIDE, (first + rows) * SIDE)
-        _encode(
-            program,
-            out[first : first + rows],
+        blocks = target.get("blocks", out.shape[1], len(out[first : first + rows]), "RGBA32UI")
+        encode(
+            blocks,
             texels=data_texture.image(texels[some]),
             weights=data_texture.image(np.ones((1, 1)) if weights is None else weights[some], "R32F"),
-            has_weights=int(weights is not None),
-            **constants,
         )
+        _read(blocks, out[first : first + rows])
     return out
 
 
-def _encoder(block_format: BlockFormat, purpose: Purpose) -> tuple[Program, dict[str, Any]]:
-    """The program for a format, and its bindings beside those that all have."""
+def _encoder(block_format: BlockFormat, purpose: Purpose, has_alpha: bool) -> tuple[Callable[..., None], int]:
+    """What encodes blocks, from textures of texels and weights, and for how many texels at once."""
+    if block_format == BC7:
+        return partial(bc7_encoding.encode, purpose=purpose, has_alpha=has_alpha), bc7_encoding.TEXELS_AT_ONCE
     if block_format == BC5 and purpose == Purpose.NORMAL:
-        return BC5_NORMALS, {}
+        return partial(_dispatch, BC5_NORMALS), TEXELS_AT_ONCE
     if block_format in (BC4, BC5):
-        return BC4_CHANNELS, {"channels": block_format.channels}
+        return partial(_dispatch, BC4_CHANNELS, channels=block_format.channels), TEXELS_AT_ONCE
     if block_format in (BC6H, BC6H_SIGNED):
         own = {"is_signed": int(block_format.is_signed), "is_linear": int(purpose != Purpose.COLOR)}
-        return BC6H_COLORS, {"modes": data_texture.image(_bc6h_modes()), **own}
+        return partial(_dispatch, BC6H_COLORS, modes=data_texture.image(_bc6h_modes()), **own), TEXELS_AT_ONCE
     raise ValueError(f"There is no encoder of {block_format.label}.")
 
 
@@ -113,12 +118,24 @@ def _bc6h_modes() -> np.ndarray:
     return rows
 
 
-def _encode(program: Program, out: np.ndarray, **bindings) -> None:
-    """Fill `out`, contiguous, with the blocks of a part of a map."""
+def _dispatch(
+    program: Program,
+    blocks: target.Target,
+    *,
+    texels: gpu.types.GPUTexture,
+    weights: gpu.types.GPUTexture,
+    **others: Any,
+) -> None:
+    """Run a program that encodes blocks in one go."""
+    groups = -(-blocks.width // program.group[0]), -(-blocks.height // program.group[1])
+    has_weights = int((weights.width, weights.height) == (texels.width, texels.height))
+    bindings = {"blocks": blocks.texture, "texels": texels, "weights": weights, "has_weights": has_weights}
+    target.dispatch_groups(program, groups, **bindings, **others)
+
+
+def _read(blocks: target.Target, out: np.ndarray) -> None:
+    """Fill `out` (R, C, bytes) uint8, contiguous, with blocks."""
     rows, columns, size = out.shape
-    blocks = target.get("blocks", columns, rows, "RGBA32UI")
-    groups = -(-columns // program.group[0]), -(-rows // program.group[1])
-    target.dispatch_groups(program, groups, blocks=blocks.texture, **bindings)
     words = size // WORD
     read = target.get("bytes of blocks", columns * words, rows, "RGBA8")
     target.fill(read, BYTES, blocks=blocks.texture, words=words)
