@@ -3,13 +3,15 @@
 """Checks that a tag may become a release, and makes the files of it: the zip, the Python package as a wheel and as source, the
 SHA-256 of each, and notes from the changelog.
 
-    python3 scripts/dev/release.py v0.3.0 [--output dist] [--check]
+    python3 scripts/dev/release.py v0.3.0 [--prepare DATE | --check] [--output dist]
 
 The tag is "v" and the version. blender_manifest.toml, pyproject.toml and CITATION.cff have the same version, and the changelog
 a section for it with a date, and nothing that is unreleased. What is wrong is printed, a line each, and the exit code is 1.
+With --prepare, the version and the date are written into these files and the README, and what was unreleased is their section.
 """
 
 import argparse
+import datetime
 import hashlib
 import re
 import shutil
@@ -27,6 +29,8 @@ from scripts.dev.site import build  # noqa: E402
 
 VERSIONED = ("blender_manifest.toml", "pyproject.toml", "CITATION.cff")
 """The files with the version of the next release."""
+VERSION = r'^(version(?: = |: )"?)([^"\n]+)("?)$'
+"""Their line with it: what comes before the version, that, and what comes after."""
 
 
 def sections(root: Path = ROOT) -> dict[str, str]:
@@ -41,15 +45,29 @@ def problems(tag: str, root: Path = ROOT) -> Iterator[str]:
     if not re.fullmatch(r"v\d+\.\d+\.\d+", tag):
         yield f'{tag} is no tag of a release, such as "v1.2.3".'
     for name in VERSIONED:
-        found = re.search(r'^version(?: = |: )"?([^"\n]+)"?$', (root / name).read_text(encoding="utf-8"), re.MULTILINE)
-        if found is None or found[1] != version:
-            yield f"{name} has the version {found and found[1]}."
+        found = re.search(VERSION, (root / name).read_text(encoding="utf-8"), re.MULTILINE)
+        if found is None or found[2] != version:
+            yield f"{name} has the version {found and found[2]}."
     date = re.search(r"^date-released: (\S+)$", (root / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
     texts = sections(root)
     if not texts.get(f"{version} - {date and date[1]}"):
         yield f"CHANGELOG.md has no section of {version} with the date in CITATION.cff, which is {date and date[1]}."
     if texts.get("Unreleased"):
         yield "CHANGELOG.md has entries that are unreleased."
+
+
+def prepare(tag: str, date: str, root: Path = ROOT) -> None:
+    """Write the version of a tag and a date, as 2026-01-02, into the files of a checkout."""
+    version = tag.removeprefix("v")
+    changes = {name: [(VERSION, rf"\g<1>{version}\g<3>")] for name in VERSIONED}
+    changes["CITATION.cff"].append((r"^(date-released: ).*$", rf"\g<1>{date}"))
+    changes["CHANGELOG.md"] = [(r"^## Unreleased$", f"## Unreleased\n\n## {version} - {date}")]
+    changes["README.md"] = [(r"imprint-\d+\.\d+\.\d+\.zip", f"imprint-{version}.zip")]
+    for name, replaced in changes.items():
+        text = (root / name).read_text(encoding="utf-8")
+        for pattern, new in replaced:
+            text = re.sub(pattern, new, text, flags=re.MULTILINE)
+        (root / name).write_text(text, encoding="utf-8")
 
 
 def notes(tag: str, root: Path = ROOT) -> str:
@@ -89,7 +107,11 @@ def main() -> int:
     parser.add_argument("tag")
     parser.add_argument("--output", type=Path, default=ROOT / "dist")
     parser.add_argument("--check", action="store_true", help="make no files")
+    parser.add_argument("--prepare", metavar="DATE", type=lambda word: str(datetime.date.fromisoformat(word)))
     given = parser.parse_args()
+    if given.prepare:
+        prepare(given.tag, given.prepare)
+        return 0
     wrong = list(problems(given.tag))
     for line in wrong:
         print(f"release: {line}", file=sys.stderr)

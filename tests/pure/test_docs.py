@@ -137,6 +137,8 @@ def bake_arguments(words):
     if launcher:
         more = words[launcher[0] + 1 :]
         return more[1:] if more[:1] == ["bake"] else more if more and more[0] in COMMANDS else None
+    if words[0] == "imprint":
+        return words[2:] if words[1:2] == ["bake"] else words[1:]
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:

@@ -62,6 +62,16 @@ def test_each_difference_is_named(checkout, name, old, new):
     assert name in problem.replace("date in CITATION.cff", "CITATION.cff")
 
 
+def test_a_release_is_prepared(checkout):
+    (checkout / "README.md").write_text("Get `imprint-1.2.0.zip`.")
+    change(checkout / "CHANGELOG.md", "## Unreleased\n", "## Unreleased\n\n- New.\n")
+    release.prepare("v1.3.0", "2026-03-04", checkout)
+    assert list(release.problems("v1.3.0", checkout)) == []
+    assert release.notes("v1.3.0", checkout) == "- New.\n"
+    assert (checkout / "README.md").read_text() == "Get `imprint-1.3.0.zip`."
+    assert (checkout / "blender_manifest.toml").read_text().startswith('schema_version = "1.0.0"\n')
+
+
 def test_notes_are_the_section_without_links_to_files(checkout):
     assert release.notes("v1.2.0", checkout) == (
         "### Added\n\n- A map, see the manual and [a page](https://example.org/).\n"
