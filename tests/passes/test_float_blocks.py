@@ -129,3 +129,13 @@ def test_what_the_format_lacks_becomes_the_nearest():
     for block_format, expected in ((BC6H, [0, 0, 0, 65504, 65504, 0]), (BC6H_SIGNED, [-3, 0, 0, 65504, 65504, -65504])):
         found = decoded(block_encoding.encoded(texels, block_format, Purpose.DATA), block_format)
         assert found[::4, 0, 0].tolist() == expected
+
+
+def test_floats_between_two_halfs_become_the_nearest_or_the_even_one():
+    steps = np.array([1.5, 2.5, 3.49, 1023.5, 1024.5, 1025.5, 15360.5, 15361.5, 31742.5, 0.5, 0.51, 1e-9])
+    ends = np.floor(steps).astype(np.uint16), np.floor(steps + 1).astype(np.uint16)
+    low, high = (each.view(np.float16).astype(np.float64) for each in ends)
+    values = (low + (high - low) * (steps % 1)).astype(np.float32)
+    texels = np.broadcast_to(values[:, None, None], (len(values), 4, 4)).repeat(4, 0)
+    found = decoded(block_encoding.encoded(texels, BC6H, Purpose.DATA), BC6H)[::4, 0, 0]
+    assert found.tolist() == values.astype(np.float16).astype(float).tolist()
