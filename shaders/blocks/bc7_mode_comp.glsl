@@ -6,6 +6,10 @@
 
 // How many proposals come from least squares, the first from the axis.
 const int BC7_SQUARES = 4;
+// What is seen has 10 bits where a texel shows it. Of brighter proposals, it is cut here.
+const int BC7_MOST_SEEN = 2047;
+// Weights of least squares have 6 bits, and 10 where a proposal is brighter than the texel.
+const int BC7_MOST_WEIGHT = 1023;
 const int EACH = 1, SHARED = 2;  // kinds of the bits that end endpoints
 
 // The weights of the second endpoint, in 64ths.
@@ -31,6 +35,13 @@ int bc7_off(ivec4 color, ivec4 level, ivec4 bits, ivec4 counts)
 {
   ivec4 off = color - 4 * bc7_whole(level, bits);
   return bc7_dot(min(off * off, ivec4(65535)), counts);
+}
+
+// What is seen of four values between endpoints of 8 bits.
+ivec4 bc7_seen_between(int low, int high, ivec4 weights_of_high, int is_curved, int shift)
+{
+  ivec4 color = (((64 - weights_of_high) * low + weights_of_high * high + 32) >> 6) << 2;
+  return min(bc7_seen(color, ivec4(is_curved)) >> shift, ivec4(BC7_MOST_SEEN));
 }
 
 // Adds `bits` bits of a value to a block.
@@ -84,45 +95,56 @@ void main()
   }
 
   // The texels, and what the squares of their errors count.
+  // Weights are for axes and proposals. What an error costs is the square of the difference of what is seen.
   ivec4 colors[16];
+  ivec4 seen[16];
   ivec4 counts[16];
+  int weights_of[16];
+  ivec4 is_curved = how.x * ivec4(1, 1, 1, 0);
   int heaviest = 0, is_opaque = 1;
   for (int i = 0; i < 16; i++) {
     ivec2 texel = block * 4 + ivec2(i & 3, i >> 2);
     ivec4 color = bc7_fixed(texel_at(texels, texel));
-    int weight = bc7_weight(texel_at(weights, min(texel, texel_size(weights) - 1)).x);
     if (how.y == 0) {
       color[3] = BC7_ONE;
     }
     is_opaque = color.w == BC7_ONE ? is_opaque : 0;
-    heaviest = max(heaviest, weight);
     colors[i] = color;
-    counts[i] = ivec4(weight);
-  }
-  int largest = 1;
-  for (int i = 0; i < 16; i++) {
-    ivec4 weight = heaviest == 0 ? ivec4(BC7_HEAVIEST) : counts[i];  // where no texel counts, all do
-    counts[i] = bc7_slopes(colors[i], how.x) * weight;
-    largest = max(largest, bc7_largest(counts[i]));
+    weights_of[i] = bc7_weight(texel_at(weights, min(texel, texel_size(weights) - 1)).x);
+    heaviest = max(heaviest, weights_of[i]);
   }
   if (mode == 7 && is_opaque == 1) {
     return;
   }
-  int shift = max(bc7_length(largest) - 6, 0);
+  if (rotation > 0) {
+    is_curved[3] = is_curved[rotation - 1];
+    is_curved[rotation - 1] = 0;
+  }
+  int full_channel = rotation > 0 ? rotation - 1 : 3;
+  int largest = 1, most_seen = 1;
   for (int i = 0; i < 16; i++) {
-    ivec4 count = counts[i];
-    counts[i] = max(count >> shift, min(count, ivec4(1)));
-    if (is_opaque == 1) {
-      counts[i][3] = 0;
-    }
+    ivec4 color = colors[i];
     if (rotation > 0) {
-      ivec4 color = colors[i];
-      count = counts[i];
       colors[i][3] = color[rotation - 1];
       colors[i][rotation - 1] = color.w;
-      counts[i][3] = count[rotation - 1];
-      counts[i][rotation - 1] = count.w;
+      color = colors[i];
     }
+    weights_of[i] = heaviest == 0 ? BC7_HEAVIEST : weights_of[i];  // where no texel counts, all do
+    counts[i] = bc7_slopes(color, is_curved) * weights_of[i];
+    largest = max(largest, bc7_largest(counts[i]));
+    if (is_opaque == 1) {
+      color[full_channel] = 0;
+    }
+    most_seen = max(most_seen, bc7_largest(bc7_seen(color, is_curved)));
+  }
+  int shift = max(bc7_length(largest) - 6, 0);
+  int seen_shift = how.x == 0 ? 14 : max(bc7_length(most_seen) - 10, 0);
+  for (int i = 0; i < 16; i++) {
+    counts[i] = max(counts[i] >> shift, min(counts[i], ivec4(1)));
+    if (is_opaque == 1) {
+      counts[i][full_channel] = 0;
+    }
+    seen[i] = min(bc7_seen(colors[i], is_curved) >> seen_shift, ivec4(BC7_MOST_SEEN));
   }
 
   int partition_number = 0;
@@ -144,7 +166,7 @@ void main()
   // The channel that is exactly 255 in blocks without alpha.
   ivec4 is_full = ivec4(0);
   if (is_opaque == 1 || alpha_bits == 0) {
-    is_full[rotation > 0 ? rotation - 1 : 3] = 1;
+    is_full[full_channel] = 1;
   }
   bool is_forced = is_opaque == 1 && kind == EACH && alpha_bits > 0;  // alpha ends with 1
   for (int part = 0; part < (is_separate ? 2 : subsets); part++) {
@@ -154,6 +176,7 @@ void main()
       mask = part == 0 ? 65535 & ~(entry.x | entry.y) : (part == 1 ? entry.x : entry.y);
     }
     ivec4 channels = !is_separate ? ivec4(1) : (is_second ? ivec4(0, 0, 0, 1) : ivec4(1, 1, 1, 0));
+    ivec4 used = channels * (1 - is_full);
     bool has_fourth = is_separate ? is_second : how.y != 0;
     int of_index = is_second ? second_bits : index_bits;
     int scale = of_index == 4 ? 17476 : (of_index == 3 ? 37449 : 87381);
@@ -256,7 +279,7 @@ void main()
         whole_high[3] = 255;
       }
 
-      // Its colors, in quarters of steps, four in a vector.
+      // What is seen of its colors, four in a vector.
       ivec4 red[4];
       ivec4 green[4];
       ivec4 blue[4];
@@ -264,12 +287,12 @@ void main()
       for (int group = 0; group < groups; group++) {
         ivec4 w = BC7_WEIGHTS(ivec4(0, 1, 2, 3) + 4 * group, scale);
         if (!is_second) {
-          red[group] = (((64 - w) * whole_low.x + w * whole_high.x + 32) >> 6) << 2;
-          green[group] = (((64 - w) * whole_low.y + w * whole_high.y + 32) >> 6) << 2;
-          blue[group] = (((64 - w) * whole_low.z + w * whole_high.z + 32) >> 6) << 2;
+          red[group] = bc7_seen_between(whole_low.x, whole_high.x, w, is_curved.x, seen_shift);
+          green[group] = bc7_seen_between(whole_low.y, whole_high.y, w, is_curved.y, seen_shift);
+          blue[group] = bc7_seen_between(whole_low.z, whole_high.z, w, is_curved.z, seen_shift);
         }
         if (has_fourth) {
-          fourth[group] = (((64 - w) * whole_low.w + w * whole_high.w + 32) >> 6) << 2;
+          fourth[group] = bc7_seen_between(whole_low.w, whole_high.w, w, is_curved.w, seen_shift);
         }
       }
 
@@ -278,9 +301,8 @@ void main()
       uvec2 indices = uvec2(0u);
       ivec4 low_low = ivec4(0), low_high = ivec4(0), high_high = ivec4(0), to_low = ivec4(0), to_high = ivec4(0);
       for (int i = 0; i < 16; i++) {
-        ivec4 color = colors[i];
+        ivec4 color = seen[i];
         int is_in = (mask >> i) & 1;
-        ivec4 count = counts[i] * is_in;
         int near = BC7_MOST, index = 0;
         for (int group = 0; group < groups; group++) {
           ivec4 off = ivec4(0);
@@ -288,11 +310,11 @@ void main()
             ivec4 r = red[group] - color.x;
             ivec4 g = green[group] - color.y;
             ivec4 b = blue[group] - color.z;
-            off = r * r * count.x + g * g * count.y + b * b * count.z;
+            off = r * r + g * g + b * b;
           }
           if (has_fourth) {
             ivec4 a = fourth[group] - color.w;
-            off += a * a * count.w;
+            off += a * a;
           }
           int here = min(min(off.x, off.y), min(off.z, off.w));
           if (here < near) {
@@ -300,12 +322,17 @@ void main()
             index = 4 * group + (off.x == here ? 0 : (off.y == here ? 1 : (off.z == here ? 2 : 3)));
           }
         }
+        near *= weights_of[i] * is_in;
         cost += uint(near);
         uint at = uint(index * is_in) << (4 * (i & 7));
         indices |= i < 8 ? uvec2(at, 0u) : uvec2(0u, at);
         if (attempt < BC7_SQUARES) {
           int w = BC7_WEIGHTS(index, scale);
-          ivec4 off = color - ((((64 - w) * whole_low + w * whole_high + 32) >> 6) << 2);
+          ivec4 shown = (((64 - w) * whole_low + w * whole_high + 32) >> 6) << 2;
+          ivec4 off = colors[i] - shown;
+          // The slope halfway is that of the line between both, as the curve is about a square.
+          ivec4 count = (bc7_slopes((colors[i] + shown) >> 1, is_curved) * (weights_of[i] * is_in)) >> shift;
+          count = clamp(count, ivec4(min(weights_of[i] * is_in, 1)), ivec4(BC7_MOST_WEIGHT)) * used;
           ivec4 low_count = count * (64 - w), high_count = count * w;
           low_low += low_count * (64 - w);
           low_high += low_count * w;
@@ -324,11 +351,6 @@ void main()
       }
       if (attempt < BC7_SQUARES) {
         // Whole numbers of at most 31 bits: 11 of the matrix, 19 of the rest.
-        low_low *= channels;
-        low_high *= channels;
-        high_high *= channels;
-        to_low *= channels;
-        to_high *= channels;
         int less = max(bc7_length(max(bc7_largest(low_low), bc7_largest(high_high))) - 11, 0);
         int rest_less = max(bc7_length(max(bc7_largest(abs(to_low)), bc7_largest(abs(to_high)))) - 19, 0);
         low_low >>= less;

@@ -81,9 +81,9 @@ void main()
     ivec2 texel = block * 4 + ivec2(i & 3, i >> 2);
     ivec4 color = bc7_fixed(texel_at(texels, texel));
     int count = bc7_weight(texel_at(weights, min(texel, texel_size(weights) - 1)).x);
-    if (how.x != 0) {  // about linear
+    if (how.x != 0) {  // linear
       int alpha = color.w;
-      color = (color * (13 + ((color * (699 + ((color * 313) >> 10))) >> 10))) >> 10;
+      color = bc7_linear(color) >> 14;
       color[3] = alpha;
     }
     if (how.y == 0) {

@@ -47,13 +47,18 @@ def _counts(counted):
     return count
 
 
-def _slopes(colors, purpose):
-    if purpose != Purpose.COLOR:
-        return np.full_like(colors, 4096)
+def _slopes(colors, is_curved):
     slope = 13 + ((colors * 1397) >> 10) + ((((colors * 938) >> 10) * colors) >> 10)
-    slope = np.maximum(slope, 79)
-    slope[..., 3] = 1024
+    slope = np.where(is_curved, np.maximum(slope, 79), 1024)
     return slope * slope >> 8
+
+
+def _linear(colors):
+    return colors * (208 + ((colors * (11184 + ((colors * 5008) >> 10))) >> 10))
+
+
+def _seen(colors, is_curved):
+    return np.where(is_curved, _linear(colors), colors << 14)
 
 
 def _length(numbers):
@@ -95,8 +100,7 @@ def ranked(colors, counts, purpose, subsets, *, has_alpha, number):
     """The four partitions (B, 4) that suit blocks best, of the first `number`."""
     seen = colors.copy()
     if purpose == Purpose.COLOR:
-        curve = (seen * (13 + ((seen * (699 + ((seen * 313) >> 10))) >> 10))) >> 10
-        seen[..., :3] = curve[..., :3]
+        seen[..., :3] = _linear(seen[..., :3]) >> 14
     if not has_alpha:
         seen[..., 3] = 0
     weight = counts.sum(1)
@@ -163,18 +167,30 @@ class _Mode:
         if not has_alpha:
             self.colors[..., 3] = ONE
         self.is_opaque = (self.colors[..., 3] == ONE).all(1)
-        self.counts = _slopes(self.colors, purpose) * counts[..., None]
-        shift = np.maximum(_length(self.counts.max((1, 2))) - 6, 0)[:, None, None]
-        self.counts = np.maximum(self.counts >> shift, np.minimum(self.counts, 1))
-        self.counts[self.is_opaque, :, 3] = 0
+        self.is_curved = np.array([purpose == Purpose.COLOR] * 3 + [False])
         full = 3
         if step.rotation:
             full = step.rotation - 1
             order = np.arange(4)
             order[[full, 3]] = 3, full
-            self.colors, self.counts = self.colors[..., order], self.counts[..., order]
+            self.colors, self.is_curved = self.colors[..., order], self.is_curved[order]
+        self.weights = counts
+        self.counts = _slopes(self.colors, self.is_curved) * counts[..., None]
+        self.shift = np.maximum(_length(np.maximum(self.counts.max((1, 2)), 1)) - 6, 0)[:, None, None]
+        self.counts = np.maximum(self.counts >> self.shift, np.minimum(self.counts, 1))
+        self.counts[self.is_opaque, :, full] = 0
+        counted = self.colors.copy()
+        counted[self.is_opaque, :, full] = 0
+        self.seen_shift = np.full((len(colors), 1, 1), 14)
+        if purpose == Purpose.COLOR:
+            most = np.maximum(_seen(counted, self.is_curved).max((1, 2)), 1)
+            self.seen_shift = np.maximum(_length(most) - 10, 0)[:, None, None]
+        self.seen = self._seen(self.colors)
         self.is_full = np.zeros((len(colors), 4), int)
         self.is_full[self.is_opaque | (self.alpha_bits == 0), full] = 1
+
+    def _seen(self, colors):
+        return np.minimum(_seen(colors, self.is_curved) >> self.seen_shift, 2047)
 
     def encoded(self):
         """The costs (B,) and the blocks (B, 16) uint8."""
@@ -276,10 +292,10 @@ class _Mode:
             if not self.alpha_bits:
                 low[:, 3] = high[:, 3] = 255
             palette = self._between(low[:, None], high[:, None], weights[:, None])
-            off = palette[:, None] - self.colors[:, :, None]
-            costs = (off * off * counts[:, :, None]).sum(-1)
+            off = (self._seen(palette)[:, None] - self.seen[:, :, None]) * channels
+            costs = (off * off).sum(-1)
             indices = costs.argmin(-1) * is_in
-            cost = costs.min(-1).sum(-1)
+            cost = (costs.min(-1) * self.weights * is_in).sum(-1)
             is_better = cost < least
             least, best_indices[is_better] = np.minimum(cost, least), indices[is_better]
             for end in range(2):
@@ -287,16 +303,20 @@ class _Mode:
                 if attempt < SQUARES:
                     kept[end][is_better] = wanted[end][is_better]
             if attempt < SQUARES:
-                wanted = self._solved(counts, weights[indices][..., None], low, high)
+                wanted = self._solved(is_in, channels, weights[indices][..., None], (low, high))
         return least, *best, best_indices
 
     @staticmethod
     def _between(low, high, weights):
         return ((64 - weights) * low + weights * high + 32) >> 6 << 2
 
-    def _solved(self, counts, w, low, high):
+    def _solved(self, is_in, channels, w, ends):
         """Endpoints by least squares. w (B, 16, 1): of the high one."""
-        off = self.colors - self._between(low[:, None], high[:, None], w)
+        low, high = ends
+        shown = self._between(low[:, None], high[:, None], w)
+        off, weights = self.colors - shown, (self.weights * is_in)[..., None]
+        counts = _slopes((self.colors + shown) >> 1, self.is_curved) * weights >> self.shift
+        counts = np.clip(counts, np.minimum(weights, 1), 1023) * channels * (1 - self.is_full[:, None])
         matrix = [(counts * each).sum(1) for each in ((64 - w) * (64 - w), (64 - w) * w, w * w)]
         right = [(counts * each * off).sum(1) for each in (64 - w, w)]
         less = np.maximum(_length(np.maximum(matrix[0], matrix[2]).max(1)) - 11, 0)[:, None]
