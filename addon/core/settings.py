@@ -200,6 +200,8 @@ class StorageSettings:
     """Of blocks. In the settings of one map, as map_names.settings_by_map has them, never AUTO."""
     quality: int = _field("quality")
     lossy_normals: bool = _field("lossy_normals")
+    export_webp: bool = _field("export_webp")
+    """Whether maps in an exported .glb are WebP."""
     vertex_domain: str = _field("vertex_domain")
     connect_maps: bool = _field("connect_maps")
     material: bool = _field("material")

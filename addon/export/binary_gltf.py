@@ -23,6 +23,10 @@ TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: n
 
 SHORT = 0xFFFF
 """Numbers of vertices below it fit into two bytes."""
+JPEG, PNG, WEBP = "image/jpeg", "image/png", "image/webp"
+"""The formats of images, by their media types."""
+WEBP_TEXTURES = "EXT_texture_webp"
+"""The extension by which textures show WebP images."""
 
 
 @dataclass
@@ -108,10 +112,26 @@ class Glb:
 
     def image(self, texture: int) -> bytes:
         """The file of the image that a texture shows."""
-        image = self.tree["images"][self.tree["textures"][texture]["source"]]
-        view = self.tree["bufferViews"][image["bufferView"]]
+        return self.view(self.tree["images"][shown_image(self.tree["textures"][texture])]["bufferView"])
+
+    def view(self, number: int) -> bytes:
+        """The bytes of a buffer view."""
+        view = self.tree["bufferViews"][number]
         start = view.get("byteOffset", 0)
         return bytes(self.binary[start : start + view["byteLength"]])
+
+    def replace_view(self, number: int, data: bytes) -> None:
+        """Give a buffer view other bytes. The former ones stay until `pack_buffer`."""
+        self.tree["bufferViews"][number] |= {"byteOffset": self._append(data), "byteLength": len(data)}
+
+    def show_webp(self, texture: dict[str, Any], image: int) -> None:
+        """Have a texture show a WebP image alone, which readers of the file must know then."""
+        texture.pop("source", None)
+        texture.setdefault("extensions", {})[WEBP_TEXTURES] = {"source": image}
+        for key in ("extensionsUsed", "extensionsRequired"):
+            names = self.tree.setdefault(key, [])
+            if WEBP_TEXTURES not in names:
+                names.append(WEBP_TEXTURES)
 
     def whole(self, number: int) -> np.ndarray:
         """As `accessor`, in an array of its own, also of values that are all 0, or stored where they are not."""
@@ -179,7 +199,12 @@ def _content(uri: str, folder: Path) -> bytes:
 
 
 def _mime_type(image: bytes) -> str:
-    return "image/jpeg" if image[:2] == b"\xff\xd8" else "image/webp" if image[8:12] == b"WEBP" else "image/png"
+    return JPEG if image[:2] == b"\xff\xd8" else WEBP if image[8:12] == b"WEBP" else PNG
+
+
+def shown_image(texture: Mapping[str, Any]) -> int:
+    """The number of the image that a texture shows where WebP is known."""
+    return texture.get("extensions", {}).get(WEBP_TEXTURES, texture)["source"]
 
 
 KINDS = ("materials", "textures", "samplers", "images", "accessors", "bufferViews")
@@ -190,7 +215,7 @@ FOLLOWED = {
         "KHR_mesh_quantization",
         "KHR_materials_variants",
         "KHR_texture_basisu",
-        "EXT_texture_webp",
+        WEBP_TEXTURES,
     ),
     *("KHR_lights_punctual", "KHR_node_visibility", "EXT_mesh_manifold"),
 }

@@ -3,11 +3,12 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -17,10 +18,10 @@ from ..core.declarations import targets
 from ..core.errors import BakeError
 from ..core.progress import Progress, Task
 from ..core.report import VISIBLE, Report
-from ..output import atomic_file, datablocks
+from ..output import atomic_file, datablocks, image_file
 from ..output.atomic_file import Partial, all_or_none
 from ..output.path_clashes import Places
-from . import baked_low, comparison, map_pictures, same_file, staging
+from . import baked_low, comparison, map_pictures, same_file, staging, webp_pictures
 from .baked_low import BakedLow, FileMesh
 from .binary_gltf import Glb
 from .comparison import Baked, Measured
@@ -86,14 +87,15 @@ def work(
     are_levels: bool = False,
     check_beside: Callable[[str], None] | None = None,
     source: Path | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> Task[list[Exported]]:
     """Write low objects with their maps to `path`, which is absolute.
 
     bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
     detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before any is
-    written; it may raise BakeError. source: the .glb that the objects came from, if all else of it is to
-    stay. Raises BakeError, and then no file has changed. Nothing else of the scene changes, not
-    even between two steps.
+    written; it may raise BakeError. source: the .glb that the objects came from, if all else of it is to stay. settings: those
+    of webp_pictures.NAMES, where they are not those of the bakes. Raises BakeError, and then no file has changed. Nothing else
+    of the scene changes, not even between two steps.
     """
     file_format = _format(path)
     file_format.check()
@@ -102,10 +104,18 @@ def work(
     atomic_file.check_writable(path)
     yield Progress("Writing the file", 0.0)
     lows = [baked_low.read(context, reports) for reports in bakes]
+    settings = settings or lows[0].reports[0].settings
+    is_webp = file_format.has_webp and settings.get("export_webp", False)
+    if is_webp:
+        image_file.check_format(f"map{file_formats.WEBP.endings[0]}")
     lows = [same_file.with_maps_alone(low) for low in lows] if source is not None else lows
     with tempfile.TemporaryDirectory(prefix="imprint-") as name:
         folder = Path(name)
         files, objects = _written(context, file_format, lows, folder / path.name, path, are_levels=are_levels)
+        if is_webp:
+            glb = Glb.parsed(files[0].read_bytes())
+            webp_pictures.store(glb, objects, settings, folder)
+            files[0].write_bytes(glb.packed())
         done = []
         for number, one in enumerate(objects):
             yield Progress("Reading the file back", WRITTEN + (1.0 - WRITTEN) * number / len(objects))

@@ -39,6 +39,7 @@ class MeshFormat:
         has_tangents: Whether it stores the tangents of the bake.
         links_levels: Whether it holds levels of detail.
         names_files: Whether textures of the same file name become one.
+        has_webp: Whether textures may be WebP.
         shares_folder: Whether textures lie in a folder that other files have, too, so that their names begin with that of the
             file.
     """
@@ -50,6 +51,7 @@ class MeshFormat:
     has_tangents: bool = False
     links_levels: bool = False
     names_files: bool = False
+    has_webp: bool = False
     shares_folder: bool = False
 
 
@@ -340,7 +342,7 @@ def _read_fbx(path: Path, one: Staged) -> FileMesh:
     return _imported(path, one, lambda: bpy.ops.wm.fbx_import(filepath=str(path), use_anim=False))
 
 
-_GLB = MeshFormat(_check_glb, _write_glb, _read_glb, has_tangents=True, links_levels=True)
+_GLB = MeshFormat(_check_glb, _write_glb, _read_glb, has_tangents=True, links_levels=True, has_webp=True)
 _USD = MeshFormat(_check_usd, _write_usd, _read_usd, names_files=True, shares_folder=True)
 _FBX = MeshFormat(_check_fbx, _write_fbx, _read_fbx, channels=None, names_files=True)
 FORMATS: Mapping[str, MeshFormat] = MappingProxyType(

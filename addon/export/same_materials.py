@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The materials of a .glb that gets maps: one in place of all, or each with the maps that were baked and all else as it was."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -18,7 +18,7 @@ OPACITY = {"OPAQUE": 0, "MASK": 1, "BLEND": 2}
 """glTF's alpha modes. One material has the last of those that it replaces."""
 _OLD_COLORS = "_COLOR_0"
 """What vertex colors become that the base color map has already: glTF multiplies both."""
-_KEYS = {
+KEYS = {
     AO.name: ("occlusionTexture",),
     NORMAL.name: ("normalTexture",),
     EMISSION.name: ("emissiveTexture", "emissiveFactor"),
@@ -71,6 +71,12 @@ class Maps:
         return names if self._flat[report.image] else names | {NORMAL.name}
 
 
+def primitives_of(tree: Mapping[str, Any], one: Staged) -> list[dict]:
+    """The primitives of a staged object in a file that Blender's exporter has written of it."""
+    node = next(node for node in tree["nodes"] if node.get("name") == one.name and "mesh" in node)
+    return tree["meshes"][node["mesh"]]["primitives"]
+
+
 def _is_flat(report: Report) -> bool:
     """Whether the normal map of a bake has no detail."""
     image = datablocks.get(report.image)
@@ -96,13 +102,15 @@ class Materials:
         """Give a primitive the material of a slot of a staged object."""
         texture = next((number for number, (each, _) in enumerate(one.textures) if each == slot), None)
         report = one.baked.report_of(slot)
-        number = None if texture is None or report is None else self._of(one)[texture].get("material")
+        number = (
+            None if texture is None or report is None else primitives_of(self.made.tree, one)[texture].get("material")
+        )
         if number is None:
             return
         baked = self.maps.of(report)
         material = self.made.tree["materials"][number]
         if NORMAL.name not in baked:
-            material = {key: value for key, value in material.items() if key not in _KEYS[NORMAL.name]}
+            material = {key: value for key, value in material.items() if key not in KEYS[NORMAL.name]}
         taken = self._taken(material, uv_set) | {"name": one.baked.name_of(slot)}
         if report.settings.get("one_material"):
             material = self._with_surface(taken, has_alpha="ALPHA" in baked)
@@ -132,12 +140,6 @@ class Materials:
             values[:, :3] = white
             attributes["COLOR_0"] = self.file.add_accessor(values, **({} if is_float else {"normalized": True}))
 
-    def _of(self, one: Staged) -> list[dict]:
-        """The primitives of a staged object."""
-        tree = self.made.tree
-        node = next(node for node in tree["nodes"] if node.get("name") == one.name and "mesh" in node)
-        return tree["meshes"][node["mesh"]]["primitives"]
-
     def _taken(self, material: dict, uv_set: int) -> dict[str, Any]:
         """A material whose textures are in the file."""
         result = deepcopy(material)
@@ -156,9 +158,11 @@ class Materials:
         data = self.made.image(number)
         if data not in self._images:
             texture = made["textures"][number]
-            image = made["images"][texture["source"]]
+            image = made["images"][binary_gltf.shown_image(texture)]
             kept = {key: image[key] for key in ("name", "mimeType") if key in image}
             entry = {"source": self.file.add("images", kept | {"bufferView": self.file.add_view(data)})}
+            if image.get("mimeType") == binary_gltf.WEBP:
+                self.file.show_webp(entry, entry["source"])
             if "sampler" in texture:
                 entry["sampler"] = self.file.add("samplers", deepcopy(made["samplers"][texture["sampler"]]))
             self._images[data] = self.file.add("textures", entry)
@@ -183,7 +187,7 @@ class Materials:
     def _merged(self, old: dict, made: dict, baked: set[str]) -> dict[str, Any]:
         """A material of the file with the baked maps, and all else as it was."""
         result = deepcopy(old)
-        keys = {key for name in baked for key in _KEYS.get(name, ())}
+        keys = {key for name in baked for key in KEYS.get(name, ())}
         surfaces = result.setdefault("pbrMetallicRoughness", {}), made.get("pbrMetallicRoughness", {})
         for owner, source in ((result, made), surfaces):
             for key in keys & {*owner, *source}:

@@ -281,12 +281,15 @@ def _number_type(stored: Format) -> str:
     return _type_name(np.dtype(f"{'f' if stored.is_float else 'u'}{stored.depth // 8}"))
 
 
-def write(texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False) -> None:
+def write(
+    texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True, is_color: bool = False, quality: int = 100
+) -> None:
     """Write a file as described at `content`, and wait until it is there. Raises BakeError if that fails."""
     partial = Partial(path)
     try:
         with WriteQueue() as queue:
-            queue.add(lambda: content(texels, path, depth, has_alpha=has_alpha, is_color=is_color), partial).result()
+            how = {"has_alpha": has_alpha, "is_color": is_color, "quality": quality}
+            queue.add(lambda: content(texels, path, depth, **how), partial).result()
         partial.commit()
     finally:
         partial.discard()

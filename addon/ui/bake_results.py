@@ -11,7 +11,7 @@ from ..core.errors import BakeError
 from ..core.progress import Pace, Task
 from ..core.report import Report
 from ..core.settings import Settings
-from ..export import engine_files
+from ..export import engine_files, webp_pictures
 from ..export.engine_files import Exported
 from ..jobs import one_material
 from ..output import materials
@@ -334,7 +334,9 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
             raise BakeError("No file is set for the export: set one.")
         if path.startswith("//") and not bpy.data.filepath:
             raise BakeError(f"{path!r} is relative to a .blend file that was never saved: save it first.")
-        (done,) = yield from engine_files.work(context, [reports], Path(bpy.path.abspath(path)).absolute())
+        own = {name: getattr(panel, name) for name in webp_pictures.NAMES}
+        place = Path(bpy.path.abspath(path)).absolute()
+        (done,) = yield from engine_files.work(context, [reports], place, settings=own)
         return done
 
     def finish(self, context: bpy.types.Context, result: Exported) -> None:

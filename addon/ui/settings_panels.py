@@ -282,12 +282,13 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         if rows["udim"]:
             rows.prop(layout, "tiles")
         rows.prop(layout, "storage")
+        file_format = file_formats.known(rows["output"]) if rows["storage"] == Storage.FILE else None
         if rows["storage"] == Storage.FILE:
-            file_format = file_formats.known(rows["output"])
             is_blocks = file_format is not None and file_format.is_blocks
             rows.prop(layout, "output", "alpha", "compression" if is_blocks else "mip_files")
-            if file_format is not None and file_format.has_quality:
-                rows.prop(layout, "quality", "lossy_normals")
+        is_glb = rows["export"].lower().endswith(file_formats.MESHES[0])
+        if (file_format is not None and file_format.has_quality) or (is_glb and rows["export_webp"]):
+            rows.prop(layout, "quality", "lossy_normals")
         rows.prop(layout, "material")
         row = layout.row()
         row.enabled = rows["material"]
@@ -295,6 +296,8 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         rows.prop(layout, "one_material")
         layout.prop(context.scene.imprint, "show_result")
         rows.prop(layout, "export")
+        if is_glb:
+            rows.prop(layout, "export_webp")
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):

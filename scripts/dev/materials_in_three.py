@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes the materials of .glb files into one by the command line, and compares the files in three.js before and after.
 
-    .venv/bin/python scripts/dev/materials_in_three.py [--size 1024] [--npm DIR] [--words "--low NAME --uv MAP"] [FILE.glb ...]
+    .venv/bin/python scripts/dev/materials_in_three.py [--size 1024] [--npm DIR] [--words "--export-webp"] [FILE.glb ...]
 
 Needs Chromium and npm, as engines.py does. Without files, those of tests/support/gltf_characters.py: a character of eleven
 materials, a cart of four objects with vertex colors, and all of the first file packed into a new UV map. Cameras around the
@@ -87,13 +87,13 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary)
             modules = chromium.install(given.npm or folder)
-            wanted = [(file, given.words.split()) for file in given.files] or [
+            wanted = [(file, []) for file in given.files] or [
                 (gltf_characters.character(folder / "character.glb"), ["--low", "Figure", "--uv", "UVMap.001"]),
                 (gltf_characters.cart(folder / "cart.glb"), []),
                 (gltf_characters.character(folder / "all.glb", seed=3), ["--pack-uvs"]),
             ]
             for file, words in wanted:
-                target = baked(file, words, given.size)
+                target = baked(file, [*words, *given.words.split()], given.size)
                 counts = [len(Glb.read(each).document["materials"]) for each in (file, target)]
                 off, outline = compared(*shown([file, target], modules, given.view))
                 print(

@@ -664,3 +664,27 @@ def test_lines_before_triangles_have_vertices_of_their_own(tmp_path):
     assert kept.keys() == lines.keys()
     assert "TANGENT" in corners(after, data, surface)
     assert "baseColorTexture" in after["materials"][surface["material"]]["pbrMetallicRoughness"]
+
+
+def test_maps_of_webp_stand_beside_the_textures_of_the_file(source):
+    before, _ = glb.parse(source)
+    after, data, _ = figure(source, maps=("ROUGHNESS", "METALLIC"), export_webp=True)
+    assert after["extensionsRequired"] == ["EXT_texture_webp"]
+    counts = {kind: sum(each["mimeType"] == kind for each in after["images"]) for kind in ("image/png", "image/webp")}
+    assert counts == {"image/png": len(before["images"]), "image/webp": 1}
+    used = set()
+    for texture, image in ((each, after["images"][glb.source(each)]) for each in after["textures"]):
+        view = after["bufferViews"][image["bufferView"]]
+        start = data[view["byteOffset"] :]
+        used.add(image["mimeType"])
+        assert start.startswith(b"\x89PNG") == (image["mimeType"] == "image/png") == ("source" in texture)
+        assert (start[8:12] == b"WEBP") == (image["mimeType"] == "image/webp")
+    assert len(used) == 2
+
+
+def test_a_map_with_clear_texels_stays_png(source):
+    after, data, _ = figure(source, maps=("BASE_COLOR", "ALPHA", "EMISSION"), one_material=True, export_webp=True)
+    material = after["materials"][after["meshes"][0]["primitives"][0]["material"]]
+    color = material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+    assert glb.image(after, data, color).startswith(b"\x89PNG")
+    assert glb.image(after, data, material["emissiveTexture"]["index"])[8:12] == b"WEBP"

@@ -108,6 +108,7 @@ SAID = {
     "compression": ("--compression bc6h", "BC6H"),
     "quality": ("--quality 90", 90),
     "lossy_normals": ("--lossy-normals", True),
+    "export_webp": ("--export a.glb --export-webp", True),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
     "one_material": ("--one-material", True),

@@ -45,9 +45,17 @@ def values(tree, binary, number):
     return np.frombuffer(binary, kind, how["count"] * width, start).reshape(-1, width)
 
 
+EXTENSION = "EXT_texture_webp"
+
+
+def source(texture):
+    """The number of a texture's image."""
+    return texture.get("extensions", {}).get(EXTENSION, texture)["source"]
+
+
 def image(tree, binary, texture):
     """The file of a texture's image."""
-    view = tree["bufferViews"][tree["images"][tree["textures"][texture]["source"]]["bufferView"]]
+    view = tree["bufferViews"][tree["images"][source(tree["textures"][texture])]["bufferView"]]
     start = view.get("byteOffset", 0)
     return binary[start : start + view["byteLength"]]
 

@@ -301,6 +301,11 @@ OUTPUT: dict[str, Setting] = {
             note="Imprint reads the file back, and reports by how many degrees normals differ from those that were baked",
         ),
     ),
+    "export_webp": Switch(
+        label="WebP Textures",
+        tooltip="Maps in an exported .glb are WebP, which its readers must know, in place of PNG. Quality and Lossy Normals "
+        "hold for them, too",
+    ),
     "single_user": Switch(
         label="Single User",
         tooltip="Copy materials that other objects use as well, so that those objects keep their look",
