@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Installs an extension's zip as a user does, enables it, uses it, and disables it again.
+"""Installs an extension's zip as a user does, enables it, uses it, disables it, and uninstalls it.
 
 test_build.py starts this in a separate process outside the checkout, so that the add-on can come only from the zip. In a real
 Blender, scripts/dev/in_blender.py does, with the zip after "--". A backend before the zip is one that has to draw.
 """
 
 import math
+import pathlib
 import sys
 
 import bpy
@@ -35,9 +36,15 @@ def use():
 
 
 def remove():
-    """Disable the add-on."""
+    """Disable the add-on, and then uninstall it, which leaves nothing of it."""
     bpy.ops.preferences.addon_disable(module=MODULE)
     assert MODULE not in bpy.context.preferences.addons, f"{MODULE} is still enabled"
+    repositories = bpy.context.preferences.extensions.repos
+    index, repository = next((index, one) for index, one in enumerate(repositories) if one.module == "user_default")
+    bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id="imprint")
+    left = [path for path in pathlib.Path(repository.directory).rglob("*") if "imprint" in path.name]
+    assert not left, left
+    assert not hasattr(bpy.types.Scene, "imprint")
 
 
 if __name__ == "__main__":
