@@ -45,8 +45,8 @@ BYTES = Program(
 )
 WORD = 4
 """Bytes that are read back as a texel."""
-TEXELS_AT_ONCE = 2**22
-"""The most texels that are encoded in one dispatch: 64 MiB of floats."""
+TEXELS_AT_ONCE = 2**20
+"""The most texels that are encoded in one dispatch, 16 MiB of floats: a tenth of a second on a slow GPU."""
 
 
 def encoded(
@@ -56,13 +56,15 @@ def encoded(
 
     Args:
         texels: (H, W, 4) float32, the top row first, with sides that are multiples of 4. What the format cannot store, as
-            values below 0 or above 1, becomes the nearest that it can.
+            values below 0 or above 1, becomes the nearest that it can. What is no number becomes 0.
         purpose: what the texels are, as Purpose says it.
         weights: (H, W) float32 from 0 to 1: how much a texel counts. The extremes of a block are those of texels that count.
             None: all count alike.
 
-    Raises ValueError for sides that are no multiples of 4, and for formats without an encoder.
+    Raises ValueError for other shapes, sides that are no multiples of 4, and formats without an encoder.
     """
+    if texels.ndim != 3 or texels.shape[2] != 4 or (weights is not None and weights.shape != texels.shape[:2]):
+        raise ValueError("A map has four channels, and a weight for each texel.")
     height, width = texels.shape[:2]
     if height % SIDE or width % SIDE or not height or not width:
         raise ValueError(f"Blocks of {SIDE} x {SIDE} texels do not fill {width} x {height}.")

@@ -16,10 +16,11 @@ struct Bc4Rows {
   ivec4 d;
 };
 
-// A value in these units. 2^18 steps are a whole number of them without rounding.
+// A value in these units; what is no number counts as 0. A product with a power of two is exact, so that nothing depends on how a
+// driver rounds.
 int bc4_fixed(float value)
 {
-  uint steps = uint(clamp(value, 0.0, 1.0) * 262144.0 + 0.5);
+  uint steps = value > 0.0 ? uint(min(value, 1.0) * 262144.0 + 0.5) : 0u;
   return int((steps * 8925u + 16384u) >> 15);
 }
 

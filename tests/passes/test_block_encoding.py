@@ -8,6 +8,7 @@ import pytest
 
 from addon.blocks.formats import BC4, BC5, Purpose
 from addon.passes import block_encoding
+from tests.support import angles
 from tests.support import block_oracle as oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -29,6 +30,7 @@ def numbers(rng, height, width):
         rng.random((height, width, 4)) * 2.0 ** -rng.integers(0, 12, (1, width, 1)) + rng.random((height, 1, 4)) - 0.3
     )
     texels[:8] = rng.choice([0.0, 1.0, 0.4, 0.6], (8, width, 4))
+    texels[8, :4] = np.array([np.nan, np.inf, -np.inf, 1e30])[:, None]
     return texels.astype(np.float32)
 
 
@@ -127,7 +129,40 @@ def test_the_first_row_is_the_first_and_slabs_are_as_the_whole_seed_4(monkeypatc
     assert np.array_equal(whole, block_encoding.encoded(texels, BC5, Purpose.DATA))
 
 
+def test_normals_of_a_smooth_surface_keep_more_than_in_8_bits():
+    """A part of a ball, as a map of 64 has it."""
+    rows, columns = np.mgrid[-1.0:1.0:64j, -1.0:1.0:64j]
+    plane = 0.6 * np.stack([columns, rows], axis=2)
+    truth = np.concatenate([plane, np.sqrt(1.0 - (plane**2).sum(axis=2, keepdims=True))], axis=2)
+    texels = np.concatenate([0.5 + 0.5 * truth, np.ones((64, 64, 1))], axis=2).astype(np.float32)
+    blocks = shown_normals(block_encoding.encoded(texels, BC5, Purpose.NORMAL))
+    in_8_bits = angles.degrees(angles.decode(np.round(texels * 255.0) / 255.0), truth)
+    assert angles.degrees(blocks, oracle.tiles(truth)).mean() < 0.8 * in_8_bits.mean()
+
+
+def test_normals_below_the_horizon_come_back_on_its_rim_seed_5():
+    """A reader makes z from x and y: nothing nearer can be said of them."""
+    turn = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi)
+    truth = np.array([0.8 * np.cos(turn), 0.8 * np.sin(turn), -0.6])
+    texels = np.ones((4, 4, 4), np.float32)
+    texels[..., :3] = 0.5 + 0.5 * truth
+    found = shown_normals(block_encoding.encoded(texels, BC5, Purpose.NORMAL))
+    rim = np.array([np.cos(turn), np.sin(turn), 0.0])
+    assert angles.degrees(found, rim).max() < 2.0
+
+
 @pytest.mark.parametrize("shape", [(6, 8, 4), (8, 5, 4), (0, 8, 4)])
 def test_other_sides_are_refused(shape):
     with pytest.raises(ValueError, match="do not fill"):
         block_encoding.encoded(np.zeros(shape, np.float32), BC4, Purpose.DATA)
+
+
+def test_other_shapes_are_refused():
+    for texels, weights in [((4, 4), None), ((4, 4, 3), None), ((4, 4, 4), (4, 8)), ((4, 4, 4), (4, 4, 1))]:
+        with pytest.raises(ValueError, match="four channels"):
+            block_encoding.encoded(
+                np.zeros(texels, np.float32),
+                BC4,
+                Purpose.DATA,
+                None if weights is None else np.ones(weights, np.float32),
+            )

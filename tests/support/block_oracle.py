@@ -46,10 +46,9 @@ def decoded(blocks):
 
 
 def fixed(texels):
-    """Floats in the encoder's units: in steps of 2^-18 first, then rounded."""
-    steps = np.floor(np.clip(texels, 0.0, 1.0).astype(np.float32) * np.float32(2**18) + np.float32(0.5)).astype(
-        np.int64
-    )
+    """Floats in the encoder's units: in steps of 2^-18 first, then rounded. What is no number is 0."""
+    numbers = np.clip(np.nan_to_num(texels, nan=0.0), 0.0, 1.0).astype(np.float32)
+    steps = np.floor(numbers * np.float32(2**18) + np.float32(0.5)).astype(np.int64)
     return (steps * 8925 + 2**14) // 2**15
 
 
