@@ -30,13 +30,14 @@ def numbers(rng, height, width):
         rng.random((height, width, 4)) * 2.0 ** -rng.integers(0, 12, (1, width, 1)) + rng.random((height, 1, 4)) - 0.3
     )
     texels[:8] = rng.choice([0.0, 1.0, 0.4, 0.6], (8, width, 4))
+    texels[:4, :4] = rng.choice([0.0, 0.0005, 0.9994, 1.0], (4, 4, 1))
     texels[8, :4] = np.array([np.nan, np.inf, -np.inf, 1e30])[:, None]
     return texels.astype(np.float32)
 
 
 def weights_of(rng, height, width):
     """Weights (H, W) float32: blocks with and without texels that count."""
-    weights = rng.choice([0.0, 0.01, 0.2, 1.0, 1.0], (height, width)).astype(np.float32)
+    weights = rng.choice([0.0, 0.01, 0.2, 1.0, 3.0], (height, width)).astype(np.float32)
     weights[:, :4] = 0.0
     return weights
 

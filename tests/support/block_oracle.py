@@ -80,7 +80,6 @@ def search(values, weights):
         is_end = (inside < STEP // 2) | (inside > ONE - STEP // 2)
         low, high = _range(inside, (weights > 0) & ~(is_six & is_end))
         first, last = np.minimum(low, high) // STEP, -(-np.maximum(low, high) // STEP)
-        first, last = np.where(low > high, 127, first), np.where(low > high, 128, last)
         size = np.maximum(1, (last - first) // 16)
         least, at = np.full(count, NEVER), (first, last)
 
