@@ -90,8 +90,8 @@ Aims aims(Bc4Rows values, Bc4Rows others, Bc4Rows read, Bc4Rows weights)
   return found;
 }
 
-// Takes a pair of indices for those of four texels whose normals are nearer to what it shows than to what they had. Components are
-// from 0 to BC4_ONE.
+// Takes a pair of indices for those of four texels whose normals are nearer to what it shows than to what they had.
+// Components are from 0 to BC4_ONE.
 void take_nearer(int pair, ivec3 shown, ivec4 x, ivec4 y, ivec4 z, inout ivec4 found, inout uvec4 least)
 {
   uvec4 x_off = uvec4(min(abs(x - shown.x), ivec4(FARTHEST)));

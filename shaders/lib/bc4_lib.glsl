@@ -6,7 +6,7 @@
 
 const int BC4_ONE = 71400;   // 255 * 7 * 5 * 8
 const int BC4_STEP = 280;    // of endpoints
-const int BC4_FARTHEST = 511;
+const int BC4_FARTHEST = 511;  // so that 16 squares with weights up to 1023 fit in 32 bits
 const uint BC4_NONE = 4294967295u;
 
 struct Bc4Rows {
@@ -16,8 +16,8 @@ struct Bc4Rows {
   ivec4 d;
 };
 
-// A value in these units; what is no number counts as 0. A product with a power of two is exact, so that nothing depends on how a
-// driver rounds.
+// A value in these units; what is no number counts as 0. A product with a power of two is exact, so that nothing depends on
+// how a driver rounds.
 int bc4_fixed(float value)
 {
   uint steps = value > 0.0 ? uint(min(value, 1.0) * 262144.0 + 0.5) : 0u;
