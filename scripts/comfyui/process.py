@@ -40,7 +40,7 @@ def python():
     if importlib.util.find_spec("bpy") is not None:
         return sys.executable
     raise ImprintError(
-        f"Imprint needs a Python with Blender's package: pip install 'imprint[bpy]' into one, and set {PYTHON} to it."
+        f"Imprint needs a Python with Blender's package: pip install 'imprint-bake[bpy]' into one, and set {PYTHON} to it."
     )
 
 

@@ -57,7 +57,7 @@ def main(folder):
         np.savez(folder / "answer.npz", **arrays)
     except ImportError as error:
         told = {
-            "error": f"{sys.executable} has no Imprint with Blender's package ({error}): pip install 'imprint[bpy]' there."
+            "error": f"{sys.executable} has no Imprint with Blender's package ({error}): pip install 'imprint-bake[bpy]' there."
         }
     except failures as error:
         told = {"error": str(error)}
