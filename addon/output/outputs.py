@@ -567,7 +567,7 @@ class Outputs:
             )
             texts.append(Fix.BC7.after(Sentence(cause, LOOK, "rebuilt")))
         output = map_names.output_for(self.settings)
-        if output and not file_formats.of(output).is_shown:
+        if output and not file_formats.of(output).is_shown and _has_window():
             label = file_formats.of(output).label
             texts.append(Sentence(f"Blender does not show {label} files: its images are packed copies of them.", NOTE))
         return texts
@@ -613,6 +613,11 @@ class Outputs:
             packed = value_encoding.packed(self.settings.map.packing, maps)
             self._add(self._packed, level, tile, packed, self._kept.get(tile))
         self._unpacked.clear()
+
+
+def _has_window() -> bool:
+    """Whether somebody looks at images."""
+    return not bpy.app.background
 
 
 def _purpose(map_type: MapType, of_map: Settings) -> Purpose:

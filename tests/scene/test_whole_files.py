@@ -7,6 +7,7 @@ import zipfile
 import bpy
 import numpy as np
 import pytest
+from PIL import Image
 
 from addon.core.file_structure.whole_files import CUT, EMPTY, MISSING, NO_IMAGE, POINTER, problem
 from tests.support import dependency_kinds, scenes, zoo
@@ -53,6 +54,16 @@ def check(path, content, shares=SHARES, **more):
         path.write_bytes(content[:length])
         assert problem(str(path), **more) == CUT, f"{length} of {len(content)} bytes"
     path.write_bytes(content)
+
+
+DDS_KINDS = {
+    "one level": (0, 0, 0, 1, 6),
+    "all levels": (4, 0, 0, 1, 6 + 2 + 1 + 1),
+    "a cube": (2, 0, 4, 1, 6 * (6 + 2)),
+    "some sides of a cube": (2, 0x200 | 0x400 | 0x800, None, 1, 2 * (6 + 2)),
+    "an array": (1, 0, 0, 3, 3 * 6),
+}
+"""Levels, capabilities, flags of DirectX 10 or None for its older header, pictures, and the blocks that follow."""
 
 
 @pytest.mark.parametrize(("ending", "more"), CASES)
@@ -111,6 +122,30 @@ def test_an_exr_of_several_layers_that_was_never_finished(tmp_path):
     )
     path.write_bytes(content[:start] + bytes(8 * blocks) + content[start + 8 * blocks :])
     assert problem(str(path), is_image=True) == CUT
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "RGB", "L", "DXT1", "DXT3", "DXT5", "BC2", "BC3", "BC5"])
+def test_a_dds_that_pillow_writes(mode, tmp_path):
+    """With and without blocks, of sides that fill no whole blocks."""
+    path = tmp_path / "rock.dds"
+    is_plain = mode in ("RGBA", "RGB", "L")
+    picture = Image.new(mode if is_plain else "RGB" if mode == "BC5" else "RGBA", (37, 22), 3)
+    picture.save(path, **({} if is_plain else {"pixel_format": mode}))
+    check(path, path.read_bytes(), is_image=True)
+
+
+@pytest.mark.parametrize("kind", DDS_KINDS)
+def test_a_dds_of_several_pictures_and_levels(kind, tmp_path):
+    """By hand: blocks of 8 bytes, 12 x 8 texels."""
+    levels, more, misc, pictures, blocks = DDS_KINDS[kind]
+    flags = 0x20000 if levels else 0
+    head = struct.pack("<4sIIII8xI44x", b"DDS ", 124, flags | 0x1007, 8, 12, levels)
+    name = b"DXT1" if misc is None else b"DX10"
+    head += struct.pack("<II4s20xII12x", 32, 4, name, 0x1000, more)
+    head += b"" if misc is None else struct.pack("<5I", 71, 3, misc, pictures, 0)
+    path = tmp_path / "rock.dds"
+    path.write_bytes(head + bytes(8 * blocks))
+    check(path, path.read_bytes(), shares=(), is_image=True)
 
 
 def test_what_is_no_image_is_named(tmp_path):
