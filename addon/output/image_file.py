@@ -170,10 +170,10 @@ class Blocks:
         weights = None
         if not self.has_map_in_alpha:
             weights = np.where(texels[..., 3] > 0.0, np.float32(1.0), np.float32(BACKGROUND))
+        texels = np.ascontiguousarray(texels)  # a copy: the rows were upside down
         if not has_alpha:
-            texels = texels.copy()
             texels[..., 3] = 1.0
-        return block_encoding.encoded(np.ascontiguousarray(texels), self.block_format, self.purpose, weights)
+        return block_encoding.encoded(texels, self.block_format, self.purpose, weights)
 
 
 def _packing(file_format: FileFormat, quality: int) -> dict[str, str]:

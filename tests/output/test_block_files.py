@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from addon.blocks.formats import BC4, BC5, BC7, Purpose
+from addon.blocks.formats import BC4, BC5, BC6H_SIGNED, BC7, Purpose
 from addon.core.errors import BakeError
 from addon.core.sentences import LOOK, NOTE
 from addon.core.settings import Settings
@@ -116,6 +116,21 @@ def test_a_bake_stores_all_levels(tmp_path, ending, monkeypatch):
     notes = [text for text in report.warnings if "does not show KTX2 files" in text]
     assert len(notes) == (ending == ".ktx2") and all(text.harm is NOTE for text in notes)
     assert sorted(path.name for path in tmp_path.glob(f"*{ending}")) == [f"m{ending}", f"m_height{ending}"]
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_floats_keep_their_signs_and_need_no_range(tmp_path):
+    """Positions of a plane from -1 to 1."""
+    exact = bake(tmp_path, "exact.exr", depth=32, maps=("POSITION",), normal=False)
+    report = bake(tmp_path, "m.dds", maps=("POSITION",), normal=False)
+    (path,) = report.output
+    held = containers.read(path)
+    assert held.block_format is BC6H_SIGNED and len(held.levels) == 6
+    texels, found = image_file.read(exact.output[0]), image_file.read(path)
+    spread = 3 * 2.0 / SIZE  # from side to side of a block, whose colors lie on few lines
+    assert texels[..., :2].min() < -0.9 and np.abs(found - texels)[..., :3].max() < spread
+    assert report.maps["position"]["scale"] == 1.0
+    assert np.abs(pixels(bpy.data.images[report.image]) - found)[..., :3].max() < 1e-3
 
 
 @pytest.mark.usefixtures("gpu_context")
