@@ -134,6 +134,19 @@ def test_floats_keep_their_signs_and_need_no_range(tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("alpha", [True, False])
+def test_packed_channels_are_in_blocks_of_four(tmp_path, alpha):
+    """Occlusion, roughness and metallic, which have no alpha of their own, and the mip levels of all."""
+    report = bake(tmp_path, "m.dds", pack="GLTF", normal=False, alpha=alpha, rays=16, samples=1)
+    exact = bake(tmp_path, "exact.png", depth=16, pack="GLTF", normal=False, rays=16, samples=1)
+    held = containers.read(report.output[0])
+    assert (held.block_format, held.is_srgb, held.has_alpha, len(held.levels)) == (BC7, False, alpha, 6)
+    texels, found = image_file.read(exact.output[0]), image_file.read(report.output[0])
+    assert np.abs(found - texels).max() < 0.05
+    assert np.abs(pixels(bpy.data.images[report.image]) - found).max() < 0.51 / 255
+
+
+@pytest.mark.usefixtures("gpu_context")
 def test_a_file_of_blocks_that_others_share_is_not_changed_in_part(tmp_path):
     lows = [zoo.plane(name) for name in ("a", "b")]
     for low, shift in zip(lows, (0.0, 0.5), strict=True):
