@@ -9,7 +9,7 @@ that shows a wrong surface exactly, turned faces, a map that is read in a wrong 
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
@@ -199,23 +199,22 @@ def why_not(plan: Plan, settings: Settings) -> str:
 class SeenBake:
     """Collects the tiles of the normal map of a bake, and measures it.
 
-    kept: as in deviations.Deviations. warnings: why nothing can be measured, in sentences.
+    warnings: why nothing can be measured, in sentences.
     """
 
-    def __init__(self, plan: Plan, settings: Settings, *, kept: Callable[[np.ndarray], np.ndarray]):
-        self._plan, self._settings, self._kept = plan, settings, kept
+    def __init__(self, plan: Plan, settings: Settings):
+        self._plan, self._settings = plan, settings
         self._tiles: dict[int, np.ndarray] = {}
         reason = why_not(plan, settings)
         self.warnings = rated([f"The shading error was not measured: {reason}."] if reason else [], NOTE)
 
-    def add(self, tile: int, stored: Map) -> None:
-        """Add a UDIM tile as it is stored, before rounding."""
+    def add(self, tile: int, kept: Map) -> None:
+        """Add a UDIM tile as images and files keep it. Its texels must not change."""
         if self.warnings:
             return
-        texels, state = stored
+        shown, state = kept
         columns, rows = self._settings.sampling.size
         factor = math.ceil(math.sqrt(columns * rows * len(self._plan.tiles) / MOST_TEXELS))
-        shown = self._kept(np.array(texels, np.float32))
         if factor > 1:
             means, is_known = square_means(shown, state != 0, factor)
             shown = np.dstack([means, is_known.astype(np.float32)])

@@ -51,7 +51,7 @@ class Findings:
     stopped_early: float = 0.0
     """The share of the texels that took fewer samples."""
     rays: float = 0.0
-    targets: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    targets: dict[str, dict[str, float | int | dict[str, float | int]]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
     """Degrees at texels."""
     between: dict[str, float | int] = field(default_factory=dict)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures angles in degrees: how far the low mesh with its map deviates from the high meshes, and what other engines show."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
+from typing import Any
 
 import gpu
 import numpy as np
@@ -20,7 +21,7 @@ from ..engine.stacked_uvs import Layer, StackedParts
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..passes import audit, data_texture, lit, mesh_upload, target, viewport
+from ..passes import audit, block_encoding, data_texture, lit, mesh_upload, target, viewport
 from . import severity
 from .pictures import BakePictures
 
@@ -53,8 +54,8 @@ class Deviations:
 
     Each triangle of the low mesh counts at its own place, also where it shares texels that were drawn for another one. Texels
     on which Flatten draws another place of the high surface are left out. drawing: of the bake, with own hits. It takes
-    about as long as one sample. pictures: receives them. kept: what images and files keep of rows of the map (rows, width, 4)
-    float32. hidden: the parts of the low mesh that others hide; None to leave them out.
+    about as long as one sample. pictures: receives them. hidden: the parts of the low mesh that others hide; None to leave
+    them out.
     """
 
     def __init__(
@@ -63,36 +64,33 @@ class Deviations:
         settings: Settings,
         pictures: BakePictures | None = None,
         *,
-        kept: Callable[[np.ndarray], np.ndarray],
         hidden: StackedParts | None = None,
     ):
-        self._kept = kept
         self._plan, self.settings, self._pictures = drawing.plan, settings, pictures
         self._counts, self._hidden, self._pool = AngleCounts(), hidden, target.TargetPool()
         self.whole = _Drawn(drawing)
 
-    def add(self, tile: int, stored: Map) -> None:
-        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        height, width = stored[1].shape
-        self._add(tile, stored, self.whole.bands((width, height), tile), self.whole)
+    def add(self, tile: int, kept: Map) -> None:
+        """Measure a UDIM tile of the normal map as images and files keep it."""
+        height, width = kept[1].shape
+        self._add(tile, kept, self.whole.bands((width, height), tile), self.whole)
         with target.using(self._pool):
             for drawn in self._layers:
-                self._add(tile, stored, drawn.bands((width, height), tile), drawn)
+                self._add(tile, kept, drawn.bands((width, height), tile), drawn)
         self._pool.free()
 
     @cached_property
     def _layers(self) -> list[_Drawn]:
         return [_Drawn(layer.drawing, layer) for layer in (self._hidden.layers if self._hidden else [])]
 
-    def _add(self, tile: int, stored: Map, of_tile: Iterable[Band], drawn: _Drawn) -> None:
+    def _add(self, tile: int, kept: Map, of_tile: Iterable[Band], drawn: _Drawn) -> None:
         """Measure some bands of a tile."""
-        texels, state = stored
+        texels, state = kept
         elsewhere = self.elsewhere(tile, drawn.meshes)
         for band in of_tile:
             rows = slice(band.start, band.stop)
             part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
-            texels_of_band = self._kept(np.ascontiguousarray(texels[rows], np.float32))
-            angles = self.angles(band.without_halo, texels_of_band, elsewhere[part], drawn)
+            angles = self.angles(band.without_halo, texels[rows], elsewhere[part], drawn)
             is_drawn = state[rows] == WRITTEN
             if drawn.layer is not None and self._hidden is not None:
                 is_drawn &= (angles[..., 3] != 0.0) & self._hidden.is_hidden(drawn.layer, band)
@@ -146,15 +144,14 @@ class BetweenTexels:
     Arguments as in Deviations.
     """
 
-    def __init__(self, drawing: Drawing, settings: Settings, *, kept: Callable):
-        self._of = Deviations(drawing, settings, kept=kept)
-        self._kept, self._counts, self._sums = kept, AngleCounts(), np.zeros(2)
+    def __init__(self, drawing: Drawing, settings: Settings):
+        self._of = Deviations(drawing, settings)
+        self._counts, self._sums = AngleCounts(), np.zeros(2)
 
-    def add(self, tile: int, stored: Map) -> None:
-        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
-        drawn = self._of.whole
-        texels = self._kept(np.ascontiguousarray(stored[0], np.float32))
-        width, height = (min(2 * side + 1, MOST_BETWEEN) for side in stored[1].shape[::-1])
+    def add(self, tile: int, kept: Map) -> None:
+        """Measure a UDIM tile of the normal map as images and files keep it."""
+        drawn, texels = self._of.whole, kept[0]
+        width, height = (min(2 * side + 1, MOST_BETWEEN) for side in kept[1].shape[::-1])
         for band in drawn.bands((width, height), tile):
             rows = band.start + np.arange(band.stop - band.start) + 0.5
             between = _between(texels, rows / height, (np.arange(width) + 0.5) / width)
@@ -186,7 +183,8 @@ def _between(texels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.nd
 
 
 class OtherEngines:
-    """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
+    """The angles between the normals that a map means, before it is rounded or encoded, and those that programs show of what is
+    stored, and of what their own compressors leave of that.
 
     low: the low mesh with its tangents; None for a map in another space, which no engine reads. warnings: names the engines
     that cannot be measured, as they make other tangents of an unevenly scaled mesh.
@@ -198,7 +196,10 @@ class OtherEngines:
         self._uploaded: gpu.types.GPUBatch | None = None
         if low is not None and settings.map.space == Space.TANGENT and settings.map.normal:
             self._choose(low)
-        self._counts = {engine.name: AngleCounts() for engine in self.engines}
+        self._counts = {(engine.name, ""): AngleCounts() for engine in self.engines}
+        if not settings.storing.is_blocks:
+            compressing = [engine for engine in self.engines if engine.compresses]
+            self._counts |= {(engine.name, engine.compresses): AngleCounts() for engine in compressing}
 
     def _choose(self, low: Mesh) -> None:
         """Note the engines that can be measured, and warn of the others."""
@@ -213,36 +214,45 @@ class OtherEngines:
                 "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
             )
 
-    def add(self, tile: int, stored: Map) -> None:
-        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
+    def add(self, tile: int, meant: Map, kept: np.ndarray) -> None:
+        """Measure a UDIM tile of the normal map.
+
+        Args:
+            meant: as it is stored, before it is rounded or encoded.
+            kept: what images and files keep of its texels, (height, width, 4) float32.
+        """
         low = self.low
         if not self.engines or low is None:
             return
-        texels, state = stored
+        texels, state = meant
         if self._uploaded is None:
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
         own = normal_space.reading(self.settings.map)
+        names = dict.fromkeys(name for _, name in self._counts)
+        shown = {name: block_encoding.compressed(kept, name) if name else kept for name in names}
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
-            texture = data_texture.image(texels[band.start : band.stop])
-            is_written = state[band.start : band.stop] == WRITTEN
-            to_clip = band.without_halo.uv_to_clip
-            for engine in self.engines:
-                other = normal_space.reading_by(engine, self.settings)
-                angles = audit.measure_engine_angles(self._uploaded, texture, to_clip, own, other)
-                self._counts[engine.name].add(angles[is_written & (angles >= 0.0)])
+            rows, to_clip = slice(band.start, band.stop), band.without_halo.uv_to_clip
+            texture = data_texture.image(texels[rows])
+            read = {name: data_texture.image(of_name[rows]) for name, of_name in shown.items()}
+            is_written = state[rows] == WRITTEN
+            for (engine, name), counts in self._counts.items():
+                other = normal_space.reading_by(targets.BY_NAME[engine], self.settings, is_compressed=bool(name))
+                angles = audit.measure_engine_angles(self._uploaded, texture, read[name], to_clip, own=own, other=other)
+                counts.add(angles[is_written & (angles >= 0.0)])
 
-    def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
+    def results(self, backwards: int) -> dict[str, dict[str, float | int | dict[str, float | int]]]:
         """The angles by the names of the engines, as Report.targets has them. backwards: the texels with a z of 0 or less."""
-        return {
-            engine.name: {
-                **self._counts[engine.name].results(),
-                "rebuilt": backwards if engine.rebuilds_z else 0,
-            }
-            for engine in self.engines
-        }
+        results: dict[str, dict[str, float | int | dict[str, float | int]]] = {}
+        for engine in self.engines:
+            stored = self._counts[engine.name, ""].results()
+            results[engine.name] = {**stored, "rebuilt": backwards if engine.rebuilds_z else 0}
+            compressed = self._counts.get((engine.name, engine.compresses)) if engine.compresses else None
+            if compressed:
+                results[engine.name]["compressed"] = compressed.results()
+        return results
 
 
-def engine_warnings(results: dict[str, dict[str, float | int]]) -> list[Sentence]:
+def engine_warnings(results: Mapping[str, Mapping[str, Any]]) -> list[Sentence]:
     """A sentence for the programs that show texels wrong because they make z of x and y."""
     wrong = {targets.BY_NAME[name].label: result["rebuilt"] for name, result in results.items() if result["rebuilt"]}
     if not wrong:

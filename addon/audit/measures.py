@@ -36,7 +36,7 @@ def measuring(
 
     Args:
         drawing: of the bake.
-        kept: as in deviations.Deviations.
+        kept: what images and files keep of a UDIM tile of the normal map, (height, width, 4) float32.
         is_measured: whether deviations from the high meshes are measured.
         is_seen: whether the shading error is measured.
         is_pictured: whether there is a picture of the maps.
@@ -45,16 +45,16 @@ def measuring(
     has_deviations = (is_measured or is_pictured) and settings.map.normal
     if has_deviations:
         truth = yield from baking.draw_own_hits(drawing.plan, drawing.run, drawing)
-    found = Measures(drawing, truth, settings)
+    found = Measures(drawing, truth, settings, kept)
     low = found.plan.meshes.basis or found.plan.meshes.low
     if is_pictured:
         found.pictures = BakePictures(low, found.plan.tiles, settings)
     if has_deviations:
-        found.deviations = Deviations(truth, settings, found.pictures, kept=kept, hidden=found.hidden)
+        found.deviations = Deviations(truth, settings, found.pictures, hidden=found.hidden)
     if is_measured and settings.map.normal:
-        found.between = BetweenTexels(truth, settings, kept=kept)
+        found.between = BetweenTexels(truth, settings)
     if is_seen:
-        found.seen = SeenBake(found.plan, settings, kept=kept)
+        found.seen = SeenBake(found.plan, settings)
     return found
 
 
@@ -69,8 +69,9 @@ class Measures:
         others, deviations, between, seen, pictures: What measures; None where that is not asked for.
     """
 
-    def __init__(self, drawing: Drawing, truth: Drawing, settings: Settings):
+    def __init__(self, drawing: Drawing, truth: Drawing, settings: Settings, kept: Callable[[np.ndarray], np.ndarray]):
         self.drawing, self.truth, self._settings, self.tally = drawing, truth, settings, Tally()
+        self._kept = kept
         self.hidden = StackedParts(truth, settings)
         self.others = OtherEngines(self.plan.meshes.basis, settings)
         self.deviations: Deviations | None = None
@@ -96,8 +97,13 @@ class Measures:
                 self._add(tile, {NORMAL.name: normal_space.stored(normals, self._settings)})
 
     def _add(self, tile: int, maps: Mapping[str, Map]) -> None:
-        for each in filter(None, (self.others, self.deviations, self.between, self.seen)):
-            each.add(tile, maps[NORMAL.name])
+        texels, state = maps[NORMAL.name]
+        measuring_kept = list(filter(None, (self.deviations, self.between, self.seen)))
+        if self.others.engines or measuring_kept:
+            kept = self._kept(np.array(texels, np.float32))  # a copy, because texels change as they are stored
+            self.others.add(tile, (texels, state), kept)
+            for each in measuring_kept:
+                each.add(tile, (kept, state))
         if self.pictures:
             self.pictures.add(tile, maps)
 

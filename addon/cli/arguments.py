@@ -289,8 +289,13 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
             yield f"--strict: {limit.name} needs a normal map: leave out --no-normal"
         elif needs == limits.EXPORT and not (options.export and options.normal):
             yield f"--strict: {limit.name} needs --export and a normal map"
-        elif needs.startswith(limits.TARGETS) and needs.partition(".")[2] not in options.targets:
-            yield f"--strict: {limit.name} needs --targets {needs.partition('.')[2]}"
+        elif needs.startswith(limits.TARGETS):
+            _, engine, *of_compressor = needs.split(".")
+            file_format = file_formats.known(options.output or "")
+            if engine not in options.targets:
+                yield f"--strict: {limit.name} needs --targets {engine}"
+            elif of_compressor and file_format is not None and file_format.is_blocks:
+                yield f"--strict: {limit.name} is not measured of {file_format.label} files, which are compressed already"
 
 
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:

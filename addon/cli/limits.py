@@ -58,6 +58,8 @@ _PART = re.compile(r"\s*([\w.-]+?)\s*(<=|>=|<|>|==|=)\s*(\d+(?:\.\d+)?|\.\d+)\s*
 
 DEVIATION, APPEARANCE, EXPORT, TARGETS = "deviation", "appearance", "export", "targets"
 """What metrics need."""
+COMPRESSED = "compressed"
+"""What metrics of targets need that are of what their compressors leave."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +122,17 @@ def _metrics() -> Iterator[Metric]:
     for end, unit, meaning in APPEARANCES:
         yield Metric(f"appearance.{end}", unit, meaning, ("appearance", end), APPEARANCE)
     for end in ("p50", "max"):
-        meaning = "degrees by which 8 or 16 bits turned the normals"
+        meaning = "degrees by which the format of the file turned the normals"
         yield Metric(f"loss.{end}", DEGREES, meaning, ("loss", PERCENTILES[end]), missing=0.0)
     yield from _of_angles("export", EXPORTED, "export", "degrees", BASIS, needs=EXPORT)
     for target in targets.TARGETS:
         start, meaning = f"{TARGETS}.{target.name}", f"degrees by which {target.label} is off"
         yield from _of_angles(start, meaning, "targets", target.name, needs=start)
+        if target.compresses:
+            meaning += ", at least, once its compressor has encoded the map"
+            yield from _of_angles(
+                f"{start}.{COMPRESSED}", meaning, "targets", target.name, COMPRESSED, needs=f"{start}.{COMPRESSED}"
+            )
     yield Metric("far.p99", LENGTH, "distance to the high surface", ("checks", "far", "percentile_99"))
     yield Metric("far.max", LENGTH, "distance to the high surface", ("checks", "far", "maximum"))
     yield Metric("seconds", SECONDS, "seconds of the bake", ("seconds", "total"))

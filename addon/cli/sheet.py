@@ -25,6 +25,7 @@ COLUMNS = (
     "Unsure %",
     "Overlap %",
     "Deviation p99",
+    "Engines p99",
     "Seconds",
     "Maps",
     "Messages",
@@ -112,6 +113,12 @@ def row(entry: dict[str, Any], picture: bytes) -> str:
         _worst(100.0 * each["checks"]["unsure"]["share"] for each in reports if "unsure" in each.get("checks", ())),
         _worst(100.0 * each["overlap"] for each in reports if "overlap" in each),
         _worst(each["deviation"]["percentile_99"] for each in reports if each.get("deviation")),
+        _worst(
+            angles["percentile_99"]
+            for each in reports
+            for target in each.get("targets", {}).values()
+            for angles in (target, target.get("compressed", target))
+        ),
         entry["seconds"],
     ]
     maps = [each["path"] for each in entry["files"] if each["what"] == "map"]
@@ -122,8 +129,8 @@ def row(entry: dict[str, Any], picture: bytes) -> str:
         f"<td>{html.escape(entry['state'])}</td>",
         f"<td>{html.escape(entry['name'])}</td>",
         f"<td>{_image(picture, entry['name'])}</td>",
-        *(_number(metric, ".3g") for metric in metrics[:4]),
-        _number(metrics[4], ".2f"),
+        *(_number(metric, ".3g") for metric in metrics[:-1]),
+        _number(metrics[-1], ".2f"),
         f"<td>{'<br>'.join(map(_link, maps))}</td>",
         f"<td>{'<br>'.join(map(html.escape, filter(None, messages)))}</td>",
     ]

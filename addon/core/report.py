@@ -2,7 +2,7 @@
 """The report of a bake: numbers and sentences."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from inspect import ismethod
 from pathlib import Path
@@ -125,10 +125,12 @@ class Report:
     checks: dict[str, dict[str, float | str | bool]] = _of("findings.checks", default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind: count, mostly of how many were checked, share (count /
     of) for texels, severity ("GOOD", "LOOK" or "WRONG"), and what docs/command-line.md lists under Checks."""
-    targets: dict[str, dict[str, float | int]] = _of("findings.targets", default_factory=dict)
-    """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
-    normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
-    program makes z of x and y."""
+    targets: dict[str, dict[str, float | int | dict[str, float | int]]] = _of("findings.targets", default_factory=dict)
+    """What programs show of the map as it is stored, by their names: median, percentile_95, percentile_99 and maximum of the
+    degrees to the normals that the map means before it is rounded or encoded, on so many texels; rebuilt: of these, those that
+    come out wrong because the program makes z of x and y; compressed: the same angles once the program has compressed the map
+    itself, by an encoder that looks for the least error: fast ones lose more. Programs that compress nothing, and files of
+    blocks, have none."""
     deviation: dict[str, float | int] = _of("findings.deviation", default_factory=dict)
     """What the low mesh shows with its map, by the map's own basis: median, percentile_95, percentile_99 and maximum of the
     degrees to the normals of the high meshes, on so many texels; wrong: the share of these that are more than 20 degrees off.
@@ -154,7 +156,8 @@ class Report:
     attributes: dict[str, str] = _of("stored.attributes", default_factory=dict)
     """The attributes of the low mesh in which maps were stored, by the map's name. Values are decoded, colors linear."""
     loss: dict[str, float] = _of("stored.loss", default_factory=dict)
-    """Median and maximum of the degrees between the normals and their values in 8 or 16 bits; empty if stored as floats."""
+    """Median and maximum of the degrees between the normals and those that are stored; empty if stored as floats without
+    blocks."""
     image: str = _of("stored.image.name", default="")
     """The name of the image in the .blend."""
     output: list[str] = _of("stored.paths", default_factory=list)
@@ -275,6 +278,21 @@ class Report:
             )
         )
 
+    def _off_in_targets(self) -> Iterator[str]:
+        """What programs show of the map, for the summary."""
+        for name, angles in self.targets.items():
+            label = targets.BY_NAME[name].label
+            yield (
+                f"{label} is off by {angles['median']:.3f} degrees (median), {angles['percentile_99']:.3f} (99th percentile), "
+                f"at most {angles['maximum']:.2f}{self._other_green(name)}"
+            )
+            compressed: Any = angles.get("compressed")
+            if compressed:
+                yield (
+                    f"{label} compresses it to {targets.BY_NAME[name].compresses.upper()}: then at least "
+                    f"{compressed['median']:.3f} degrees (median), {compressed['percentile_99']:.3f} (99th percentile)"
+                )
+
     def _other_green(self, name: str) -> str:
         """The end of a sentence about a program that reads another green than the map stores; empty if it is the same."""
         green = targets.BY_NAME[name].green
@@ -378,11 +396,7 @@ class Report:
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if isinstance(basis, str) and basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].label}, for {targets.names(bases.BY_NAME[basis])}")
-        for name, angles in self.targets.items():
-            details.append(
-                f"{targets.BY_NAME[name].label} is off by {angles['median']:.3f} degrees (median), "
-                f"{angles['percentile_99']:.3f} (99th percentile), at most {angles['maximum']:.2f}{self._other_green(name)}"
-            )
+        details += self._off_in_targets()
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
         details += [*smooth_sentences(self.smooth_files), *self._mended(), *evaluated(self.materials)]

@@ -118,10 +118,15 @@ def reading(map_settings: MapSettings) -> tuple[int, int, int]:
     return lit.reading(kind, channels(map_settings))
 
 
-def reading_by(engine: TargetEngine, settings: Settings) -> tuple[int, int, int]:
-    """How an engine reads a tangent-space map of these settings."""
-    depth = min(settings.storing.depth, engine.depth)
-    steps = 0 if depth > 8 and settings.storing.is_float else 2**depth - 1
+def reading_by(engine: TargetEngine, settings: Settings, *, is_compressed: bool = False) -> tuple[int, int, int]:
+    """How an engine reads a tangent-space map of these settings.
+
+    Args:
+        is_compressed: whether its compressor made blocks of the map, which GPUs read as floats.
+    """
+    depth, storing = min(settings.storing.depth, engine.depth), settings.storing
+    is_exact = is_compressed or storing.is_blocks or (depth > 8 and storing.is_float)
+    steps = 0 if is_exact else 2**depth - 1
     read = axes("+X", engine.green, "+Z")
     return lit.reading(lit.TANGENT + engine.basis.flags, read, steps=steps, rebuilds_z=engine.rebuilds_z)
 

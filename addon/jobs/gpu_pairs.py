@@ -208,8 +208,8 @@ def _deviations(meshes: Meshes, run: Run) -> Task[Maps]:
     """The median, two percentiles and the largest angle, if the low mesh had a map of flat normals."""
     drawn = yield from baking.draw(plan_of(meshes, run.settings), run)
     hidden = StackedParts(drawn, run.settings)
-    measured = Deviations(drawn, run.settings, kept=lambda texels: np.full_like(texels, FLAT_COLOR), hidden=hidden)
-    measured.add(FIRST, (np.zeros((SIZE, SIZE, 4), np.float32), np.full((SIZE, SIZE), WRITTEN, np.uint8)))
+    measured = Deviations(drawn, run.settings, hidden=hidden)
+    measured.add(FIRST, (np.tile(FLAT_COLOR, (SIZE, SIZE, 1)), np.full((SIZE, SIZE), WRITTEN, np.uint8)))
     results = measured.results()
     numbers = np.array([[results[name] for name in ANGLES]], np.float32)
     texels = np.repeat(numbers[..., None], 4, axis=-1)
@@ -224,7 +224,7 @@ def _engine_angles(meshes: Meshes, run: Run) -> Task[Maps]:
     axes = normal_space.channels(run.settings.map)
     own, other = (lit.reading(lit.TANGENT + each.flags, axes) for each in (bases.CYCLES, bases.NORMALIZED))
     yield from ()
-    angles = audit.measure_engine_angles(uploaded, texture, WHOLE_BAND.uv_to_clip, own, other)
+    angles = audit.measure_engine_angles(uploaded, texture, texture, WHOLE_BAND.uv_to_clip, own=own, other=other)
     return {"angles": (np.repeat(angles[..., None], 4, axis=-1), np.where(angles >= 0.0, WRITTEN, 0).astype(np.uint8))}
 
 

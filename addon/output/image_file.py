@@ -5,11 +5,12 @@ contains."""
 import importlib
 import os
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
@@ -165,6 +166,15 @@ class Blocks:
         held = Container(size, levels, self.block_format, is_color and not self.block_format.is_float, has_alpha, note)
         return Content([], lambda path, _results: containers.write(path, held))
 
+    def kept(self, texels: np.ndarray, *, has_alpha: bool) -> np.ndarray:
+        """What GPUs read of texels, as the function `content` takes them, once they are blocks. Alpha stays the same."""
+        has_alpha &= self.block_format.channels == 4
+        blocks = self._encoded(texels, has_alpha=has_alpha)
+        size = texels.shape[1], texels.shape[0]
+        shown = decoded(Container(size, [blocks], self.block_format, False, has_alpha, ""))
+        shown[..., 3] = texels[..., 3]
+        return shown
+
     def _encoded(self, texels: np.ndarray, *, has_alpha: bool) -> np.ndarray:
         texels = containers.padded(texels[::-1])
         weights = None
@@ -174,6 +184,17 @@ class Blocks:
         if not has_alpha:
             texels[..., 3] = 1.0
         return block_encoding.encoded(texels, self.block_format, self.purpose, weights)
+
+
+def after_losses(texels: np.ndarray, path: str | Path, quality: int) -> np.ndarray:
+    """What is read of texels of 8 bits, as `content` takes them, from a file of this quality in the format that the ending of
+    `path` names. Alpha stays the same. Raises BakeError."""
+    with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
+        file = Path(folder, "map").with_suffix(PurePath(path).suffix)
+        content(texels, file, 8, has_alpha=False, quality=quality).write(file, iter(()))
+        shown = read(file)
+    shown[..., 3] = texels[..., 3]
+    return shown
 
 
 def _packing(file_format: FileFormat, quality: int) -> dict[str, str]:

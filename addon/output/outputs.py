@@ -73,12 +73,19 @@ def replaced(name: str, highs: Iterable[str]) -> str:
 
 
 def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
-    """What an image or a file of these settings keeps of the normals in `texels` (height, width, 4) float32."""
-    if _is_dithered(settings.storing):
-        return value_encoding.dithered(texels)
-    if not settings.storing.is_float:
-        return value_encoding.rounded(texels, settings.storing.depth)
-    return texels.astype(np.float16).astype(np.float32) if settings.storing.is_half else texels
+    """What programs read of the normals in `texels` (height, width, 4) float32, row 0 at v = 0, from an image or a file of
+    these settings: another array, with the same alpha."""
+    storing = settings_by_map(settings).get(NORMAL.name, settings).storing
+    if storing.is_blocks:
+        block_format = formats.BY_NAME[storing.compression.lower()]
+        return Blocks(block_format, Purpose.NORMAL).kept(texels, has_alpha=storing.has_alpha)
+    if _is_dithered(storing):
+        shown = value_encoding.dithered(texels)
+    elif not storing.is_float:
+        shown = value_encoding.rounded(texels, storing.depth)
+    else:
+        return texels.astype(np.float16).astype(np.float32) if storing.is_half else texels.copy()
+    return image_file.after_losses(shown, storing.output, storing.quality) if storing.is_lossy else shown
 
 
 def _packed_tiles(settings: Settings) -> str:
@@ -177,9 +184,8 @@ class MapWriter:
             stored = value_encoding.dithered(texels, with_alpha=self.is_packed)
         if level == 0 and self.is_normal and self._compression == Compression.BC5:
             self.backwards += int(np.count_nonzero((texels[..., 2] < 0.5) & (texels[..., 3] > 0.0)))
-        if self.is_normal and not settings.storing.is_float and not settings.storing.is_blocks:
-            rounded = value_encoding.rounded(value_encoding.sample_texels(stored), settings.storing.depth)
-            self._angles.append(value_encoding.angles_between(value_encoding.sample_texels(texels), rounded))
+        if self.is_normal and level == 0:
+            self._note_loss(texels, stored)
         if self.has_kept and is_kept is not None:
             self._keep(tile, stored, is_kept)
         if self._path:
@@ -211,6 +217,19 @@ class MapWriter:
         else:
             self._texels = stored
 
+    def _note_loss(self, texels: np.ndarray, stored: np.ndarray) -> None:
+        """Note the angles that a tile loses. stored: its texels before they are rounded."""
+        storing = self.settings.storing
+        if storing.is_lossy:
+            some = value_encoding.sample_blocks(texels) if storing.is_blocks else texels
+            before, after = some.reshape(-1, 4), kept(some, self.settings).reshape(-1, 4)
+        elif not storing.is_float:
+            before = value_encoding.sample_texels(texels)
+            after = value_encoding.rounded(value_encoding.sample_texels(stored), storing.depth)
+        else:
+            return
+        self._angles.append(value_encoding.angles_between(before, after))
+
     def _blocks(self, levels: Sequence[np.ndarray]) -> Blocks:
         """How the file of a tile stores its texels, with those of its other levels."""
         block_format = formats.BY_NAME[self._compression.lower()]
@@ -228,7 +247,7 @@ class MapWriter:
 
     @property
     def loss(self) -> dict[str, float]:
-        """Median and maximum of the error of normals, in degrees. Empty if they are stored as floats."""
+        """Median and maximum of the error of normals, in degrees. Empty if they are stored as floats, but for blocks."""
         if not self._angles:
             return {}
         angles = np.concatenate(self._angles)

@@ -70,6 +70,15 @@ def sample_texels(texels: np.ndarray) -> np.ndarray:
     return flat[:: (len(flat) // SAMPLES) | 1]  # an odd step does not take the same few columns of each row
 
 
+def sample_blocks(texels: np.ndarray) -> np.ndarray:
+    """Some rows of blocks of 4 x 4 texels, (4 B, width, 4), from all parts of (height, width, 4); all if there are few."""
+    height, width = texels.shape[:2]
+    if height * width <= SAMPLES:
+        return texels
+    rows = texels[height % 4 :].reshape(-1, 4, width, 4)  # blocks begin at the top
+    return rows[:: (height * width // SAMPLES) | 1].reshape(-1, width, 4)
+
+
 def angles_between(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:
     """Degrees (M,) float32 between the normals of texels (N, 4) and the stored ones, where alpha is not 0."""
     is_written = texels[:, 3] > 0.0

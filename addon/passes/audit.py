@@ -78,7 +78,7 @@ ENGINE_ANGLES = Program(
     fragment="audit/engine_angles_frag.glsl",
     inputs=low_in_uv.TANGENT.inputs,
     varyings=low_in_uv.TANGENT_VARYINGS,
-    texels=(("RGBA32F", "FLOAT_2D", "normal_map"),),
+    texels=(("RGBA32F", "FLOAT_2D", "normal_map"), ("RGBA32F", "FLOAT_2D", "kept_map")),
     constants=(("VEC4", "uv_to_clip"), ("VEC4", "own"), ("VEC4", "other")),
     outputs=(("FLOAT", "angle_out"),),
 )
@@ -87,14 +87,17 @@ ENGINE_ANGLES = Program(
 def measure_engine_angles(
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
+    kept_map: gpu.types.GPUTexture,
     uv_to_clip: UvToClip,
+    *,
     own: tuple[int, int, int],
     other: tuple[int, int, int],
 ) -> np.ndarray:
     """The angles (height, width) float32 in degrees, or -1 where the low mesh does not cover the texel's center.
 
     low: as low_in_uv.draw_in_tangent_space takes it. normal_map: RGBA32F, colors before they are
-    rounded. own: how the map is meant; other: how the program reads it; both from lit.reading.
+    rounded. kept_map: of the same size, what the program reads. own: how the map is meant; other: how the program reads it;
+    both from lit.reading.
     """
     into = target.get("engine angles", normal_map.width, normal_map.height, "R32F")
     target.draw(
@@ -102,6 +105,7 @@ def measure_engine_angles(
         ENGINE_ANGLES,
         low,
         normal_map=normal_map,
+        kept_map=kept_map,
         uv_to_clip=uv_to_clip,
         own=(*own, 0.0),
         other=(*other, 0.0),

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks import tables
-from ..blocks.formats import BC4, BC5, BC6H, BC6H_SIGNED, BC7, SIDE, BlockFormat, Purpose
+from ..blocks import decoding, tables
+from ..blocks.formats import BC4, BC5, BC6H, BC6H_SIGNED, BC7, BY_NAME, SIDE, BlockFormat, Purpose
 from . import bc7_encoding, data_texture, target
 from . import blender_gpu as gpu
 from .shader import Program
@@ -82,6 +82,27 @@ def encoded(
         )
         _read(blocks, out[first : first + rows])
     return out
+
+
+def compressed(texels: np.ndarray, name: str) -> np.ndarray:
+    """What GPUs show of a map that a program compresses itself: 8 bits become blocks with the least squared error of channels.
+
+    Args:
+        texels: (H, W, 4) float32 from 0 to 1, row 0 at v = 0, of any size.
+        name: of the format, as BlockFormat has it.
+
+    Returns:
+        (H, W, 4) float32. Channels that the format lacks are 0, and alpha is 1.
+    """
+    block_format = BY_NAME[name]
+    height, width = texels.shape[:2]
+    steps = np.floor(np.clip(texels[::-1], 0.0, 1.0) * np.float32(255) + np.float32(0.5)) / np.float32(255)
+    padding = ((0, -height % SIDE), (0, -width % SIDE), (0, 0))
+    blocks = encoded(np.pad(steps, padding, mode="edge"), block_format, Purpose.DATA)
+    shown = np.zeros((height, width, 4), np.float32)
+    shown[..., 3] = 1.0
+    shown[..., : block_format.channels] = decoding.decoded(blocks, block_format)[:height, :width][::-1]
+    return shown
 
 
 def _encoder(block_format: BlockFormat, purpose: Purpose, has_alpha: bool) -> tuple[Callable[..., None], int]:

@@ -265,10 +265,9 @@ def figures() -> str:
     for figure in METRICS.values():
         name, meaning = figure.name, figure.meaning
         if name.startswith(TARGETS):
-            name, meaning = (
-                f"{TARGETS}.NAME.{name.rpartition('.')[2]}",
-                "degrees by which an engine of --targets is off",
-            )
+            _, _, *end = name.split(".")
+            name, meaning = ".".join((TARGETS, "NAME", *end)), "degrees by which an engine of --targets is off"
+            meaning += ", at least, once its compressor has encoded the map" if len(end) > 1 else ""
         unit = f" ({UNITS[figure.unit]})" if figure.unit in UNITS else ""
         names = rows.setdefault(f"{sentence(meaning[0].upper() + meaning[1:])[:-1]}{unit}", [])
         if code(name) not in names:

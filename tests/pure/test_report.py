@@ -540,6 +540,11 @@ def test_a_limit_that_cannot_be_read_is_an_error_before_the_bake(text, part):
         (["--strict", "deviation.p99<1", "--no-normal", "--maps", "ao"], "deviation.p99 needs a normal map"),
         (["--strict", "targets.three.p99<1"], "targets.three.p99 needs --targets three"),
         (["--strict", "targets.three.p99<1", "--targets", "unreal"], "targets.three.p99 needs --targets three"),
+        (["--strict", "targets.unreal.compressed.p99<1"], "targets.unreal.compressed.p99 needs --targets unreal"),
+        (
+            ["--strict", "targets.unreal.compressed.p99<1", "--targets=unreal", "--output=a.dds"],
+            "targets.unreal.compressed.p99 is not measured of DDS files, which are compressed already",
+        ),
         (["--strict", "export.p99<1"], "export.p99 needs --export"),
         (["--strict", "missed<1%", "--convert", "old.png"], "a conversion does not measure missed"),
     ],
@@ -553,6 +558,8 @@ def test_a_figure_that_will_not_be_measured_is_an_error_before_the_bake(words, m
     [
         ["--strict", "deviation.p99<1"],
         ["--strict", "targets.three.p99<1", "--targets", "unreal,three"],
+        ["--strict", "targets.unreal.compressed.p99<1", "--targets", "unreal"],
+        ["--strict", "targets.unreal.p99<1", "--targets=unreal", "--output=a.dds"],
         ["--strict", "export.p99<1", "--export", "a.glb"],
         ["--strict", "coverage>1%,loss.max<1,warnings=0", "--convert", "old.png"],
     ],
@@ -602,10 +609,19 @@ def whole(report, title="r.json", picture=b""):
 def test_a_row_has_the_figures_of_its_bake():
     head, first, second, third = read(whole(reports.of_three())).rows
     assert tuple(head) == sheet_module.COLUMNS
-    assert first[:2] + first[3:9] == ["1", "done", "", "50", "", "0", "2.25", "2.00"]
+    assert first[:2] + first[3:10] == ["1", "done", "", "50", "", "0", "2.25", "", "2.00"]
     assert second[:3] == ["2", "failed", "a"]
-    assert second[3:8] == ["", "", "", "", ""]
+    assert second[3:9] == ["", "", "", "", "", ""]
     assert third[-1] == "missed is 50 %."
+
+
+def test_a_row_has_the_worst_of_engines_and_their_compressors():
+    entry = reports.of_three()["bakes"][0]
+    angles = {name: {"percentile_99": value} for name, value in (("three", 0.5), ("unreal", 0.25))}
+    for compressed, worst in (({}, "0.5"), ({"compressed": {"percentile_99": 1.25}}, "1.25")):
+        entry["reports"][0]["targets"] = {**angles, "unreal": angles["unreal"] | compressed}
+        _, found = read(whole({**reports.of_three(), "bakes": [entry]})).rows
+        assert found[sheet_module.COLUMNS.index("Engines p99")] == worst
 
 
 def test_names_with_quotes_and_tags_are_text():

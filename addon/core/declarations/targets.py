@@ -36,6 +36,8 @@ class TargetEngine:
         names: Of images and files of normal maps, as its users have them.
         pack: The layout of its packed images.
         export: The ending of the files with meshes that it reads best; empty for Blender.
+        compresses: The format of blocks (blocks.formats.BY_NAME) in which it stores normal maps that it imports, by its usual
+            settings on desktops. Unity's DXT5nm stores red as BC5 does, and green coarser. Empty if it leaves them as they are.
     """
 
     name: str
@@ -50,6 +52,7 @@ class TargetEngine:
     names: str = f"{NAME}_normal"
     pack: str = Pack.NONE
     export: str = ".fbx"
+    compresses: str = ""
 
 
 _LINEAR = "As a normal map, linear"
@@ -57,6 +60,7 @@ _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
 _PAINTER = f"{NAME}_normal_base"
 """Names by which Substance 3D Painter finds its mesh maps: those of other maps follow, see MapType.painter_suffix."""
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
+_BC5 = "bc5"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
 # Files keep the number of a program: a new one goes to the end.
@@ -94,6 +98,7 @@ TARGETS = (
         depth=16,
         names="T_{name}_N",
         pack=Pack.UNREAL,
+        compresses=_BC5,
     ),
     TargetEngine(
         "unity",
@@ -106,6 +111,7 @@ TARGETS = (
         alpha=True,
         names="{name}_Normal",
         pack=Pack.URP,
+        compresses=_BC5,
     ),
     TargetEngine(
         "unity-built-in",
@@ -118,6 +124,7 @@ TARGETS = (
         alpha=True,
         names="{name}_Normal",
         pack=Pack.URP,
+        compresses=_BC5,
     ),
     TargetEngine(
         "godot",
@@ -129,6 +136,7 @@ TARGETS = (
         depth=16,
         pack=Pack.GODOT,
         export=".glb",
+        compresses=_BC5,
     ),
     TargetEngine(
         "godot-old",
@@ -140,6 +148,7 @@ TARGETS = (
         depth=16,
         pack=Pack.GODOT,
         export=".glb",
+        compresses=_BC5,
     ),
     TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
     TargetEngine(
@@ -162,6 +171,7 @@ TARGETS = (
         rebuilds_z=True,
         depth=16,
         names="{name}_ddn",
+        compresses=_BC5,
     ),
     TargetEngine("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance 3D", _LINEAR, depth=16, names=_PAINTER),
     TargetEngine(
@@ -194,6 +204,7 @@ TARGETS = (
         alpha=True,
         names="{name}_Normal",
         pack=Pack.HDRP,
+        compresses=_BC5,
     ),
     TargetEngine(
         "toolbag",
