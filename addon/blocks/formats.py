@@ -15,7 +15,8 @@ class Purpose(StrEnum):
     NORMAL = "NORMAL"
     """Unit normals, as 0.5 + 0.5 n: the angle."""
     COLOR = "COLOR"
-    """Colors as sRGB stores them: the squares of the differences of linear values."""
+    """Colors as sRGB stores them: the squares of the differences of linear values. In BC6H, which stores colors linear, those
+    of their logarithms."""
     DATA = "DATA"
     """Values as they are stored: the squares of their differences."""
 
