@@ -10,9 +10,21 @@ imports it on its way to the tests, must not load the add-on with it.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .addon.api import Asset, BakeError, NoGpu, Progress, Result, Surface, asset, bake, unwrap
+    from .addon.api import Asset, BakeError, Encoded, NoGpu, Progress, Result, Surface, asset, bake, encode, unwrap
 
-__all__ = ["Asset", "BakeError", "NoGpu", "Progress", "Result", "Surface", "asset", "bake", "unwrap"]
+__all__ = [
+    "Asset",
+    "BakeError",
+    "Encoded",
+    "NoGpu",
+    "Progress",
+    "Result",
+    "Surface",
+    "asset",
+    "bake",
+    "encode",
+    "unwrap",
+]
 
 
 def register() -> None:

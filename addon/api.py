@@ -4,16 +4,17 @@
 import os
 import threading
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import bpy
 import numpy as np
 
 from . import older_blender
+from .blocks.formats import BY_NAME, Purpose
 from .core import asset_limits, file_formats, foreach, map_types, naming, progress
 from .core.asset_limits import CRUMBS, HOLES, Mending, Wanted
 from .core.declarations import kinds
@@ -25,11 +26,26 @@ from .core.naming import Suffixes, did_you_mean
 from .core.progress import Pace, Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
-from .jobs import Job, bake_all, bake_jobs, unwrapping
+from .jobs import Job, bake_all, bake_jobs, encoding, unwrapping
 from .jobs import asset as game_asset
 from .scene import importing, mesh_reader, mesh_writer, new_datablocks
 
-__all__ = ["Asset", "BakeError", "NoGpu", "Progress", "Result", "Surface", "asset", "bake", "unwrap"]
+__all__ = [
+    "Asset",
+    "BakeError",
+    "Encoded",
+    "NoGpu",
+    "Progress",
+    "Result",
+    "Surface",
+    "asset",
+    "bake",
+    "encode",
+    "unwrap",
+]
+
+
+Choice = TypeVar("Choice")
 
 
 @dataclass(frozen=True)
@@ -86,6 +102,25 @@ class Asset(Result):
 
     mesh: Surface
     levels: tuple["Asset", ...] = ()
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """Texels in blocks that GPUs read.
+
+    Attributes:
+        levels: Of each mip level, from the largest on, its blocks (rows, columns, bytes) uint8, the top row first.
+        format: The name of the block format.
+        size: Width and height of the largest level, in texels.
+        texels: (H, W, 4) float32, row 0 at v = 0: what a GPU shows of the largest level.
+        files: The absolute path of the file that was written, or nothing.
+    """
+
+    levels: list[np.ndarray]
+    format: str
+    size: tuple[int, int]
+    texels: np.ndarray
+    files: list[str]
 
 
 def bake(
@@ -240,6 +275,78 @@ def unwrap(
         work = unwrapping.find(obj, sampling, stacks=stacks)
         found = progress.finish(work, made_by_caller(on_progress) if on_progress else None)
         return _surface(obj, found.uv)
+
+
+def encode(
+    texels: Any,
+    format: str = "bc7",  # noqa: A002 - the word of the command line
+    *,
+    purpose: str = "data",
+    mips: bool = True,
+    output: str | os.PathLike[str] = "",
+) -> Encoded:
+    """Encode texels on the GPU in blocks, as engines load them. The open scene stays as it was.
+
+    Args:
+        texels: (H, W), (H, W, 3) or (H, W, 4) numbers, row 0 at v = 0, as maps of `bake` are; bytes count from 0 to 255. Or the
+            path of an image.
+        format: "bc4", "bc5", "bc7", "bc6h" or "bc6h-signed".
+        purpose: what texels are, whose error is made small: "normal" for unit normals as 0.5 + 0.5 n, "color" for sRGB, or
+            "data".
+        mips: whether levels down to one texel follow.
+        output: a .dds or .ktx2 file to write. Empty to write no file.
+
+    Raises:
+        BakeError: for what cannot be encoded, with a sentence that says what to fix.
+    """
+    _check_call("encode", None)
+    block_format = _one_of("format", format, BY_NAME)
+    kind = _one_of("purpose", purpose, {each.value.lower(): each for each in Purpose})
+    has_mips = kinds.Switch(label="mips", tooltip="").coerced(mips)
+    path = _value("output", output)
+    if path and not ((file_format := file_formats.known(path)) and file_format.is_blocks):
+        raise BakeError(f"output: {path!r} is no file of blocks: end it with .dds or .ktx2.")
+    values, has_alpha = _texels(texels)
+    if path:
+        file_formats.check_size(path, (values.shape[1], values.shape[0]))
+    content = older_blender.with_gpu(
+        lambda: encoding.encode(values, block_format, kind, has_alpha=has_alpha, mips=has_mips)
+    )
+    files = [os.path.abspath(path)] if path else []
+    for each in files:
+        encoding.write(Path(each), content)
+    return Encoded(list(content.levels), block_format.name, content.size, encoding.shown(content), files)
+
+
+def _one_of(name: str, value: Any, known: Mapping[str, Choice]) -> Choice:
+    """What a word of a call names. Raises BakeError."""
+    found = {kinds.spelled(each): item for each, item in known.items()}.get(kinds.spelled(value))
+    if not isinstance(value, str) or found is None:
+        raise BakeError(f"{name}: {kinds.shown(value)} is not one of {', '.join(known)}.")
+    return found
+
+
+def _texels(source: Any) -> tuple[np.ndarray, bool]:
+    """The texels (H, W, 4) float32 of a call, and whether they have alpha. Raises BakeError."""
+    if isinstance(source, str | os.PathLike):
+        path = _value("output", source, "texels")
+        if not os.path.isfile(path):
+            raise BakeError(f"texels: there is no file {path!r}.")
+        return encoding.read(path)
+    array = _array(source)
+    array = array[..., None] if array.ndim == 2 else array
+    if array.dtype.kind not in "iuf" or array.ndim != 3 or array.shape[2] not in (1, 3, 4) or not array.size:
+        shape = array.shape if array.ndim else kinds.shown(source)
+        raise BakeError(f"texels: {shape} are no numbers of the shape (H, W), (H, W, 3) or (H, W, 4).")
+    if max(array.shape[:2]) > file_formats.LONGEST_SIDE:
+        raise BakeError(
+            f"texels: a side of {max(array.shape[:2]):,} is above {file_formats.LONGEST_SIDE:,}, which GPUs do not load."
+        )
+    values = np.ones((*array.shape[:2], 4), np.float32)
+    values[..., : max(array.shape[2], 3)] = array / np.float32(255.0) if array.dtype == np.uint8 else array
+    if not np.isfinite(values).all():
+        raise BakeError("texels: some are not finite: give each a number.")
+    return values, array.shape[2] == 4
 
 
 class _Maps(dict[str, np.ndarray]):

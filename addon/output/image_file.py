@@ -159,12 +159,16 @@ class Blocks:
 
     def content(self, texels: np.ndarray, path: Path, *, has_alpha: bool, is_color: bool, note: str) -> Content:
         """The file of texels, as the function `content` describes it."""
+        file_formats.check_size(path, (texels.shape[1], texels.shape[0]))
+        held = self.container(texels, has_alpha=has_alpha, is_color=is_color, note=note)
+        return Content([], lambda path, _results: containers.write(path, held))
+
+    def container(self, texels: np.ndarray, *, has_alpha: bool, is_color: bool, note: str) -> Container:
+        """What such a file holds."""
         size = texels.shape[1], texels.shape[0]
-        file_formats.check_size(path, size)
         has_alpha &= self.block_format.channels == 4
         levels = [self._encoded(each, has_alpha=has_alpha) for each in (texels, *self.levels)]
-        held = Container(size, levels, self.block_format, is_color and not self.block_format.is_float, has_alpha, note)
-        return Content([], lambda path, _results: containers.write(path, held))
+        return Container(size, levels, self.block_format, is_color and not self.block_format.is_float, has_alpha, note)
 
     def kept(self, texels: np.ndarray, *, has_alpha: bool) -> np.ndarray:
         """What GPUs read of texels, as the function `content` takes them, once they are blocks. Alpha stays the same."""

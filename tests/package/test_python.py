@@ -72,7 +72,10 @@ def lines_of_the_manual():
     """The examples of the manual: those of assets, which take longer, and all others."""
     examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(encoding="utf-8"), re.DOTALL)
     lines = [each for each in examples if "bpy.ops" not in each]
-    return [each for each in lines if "imprint.asset" in each], [each for each in lines if "imprint.asset" not in each]
+    later = ("imprint.asset", "imprint.encode")
+    return [each for each in lines if any(word in each for word in later)], [
+        each for each in lines if not any(word in each for word in later)
+    ]
 
 
 def test_the_lines_of_the_manual_bake(packages, tmp_path):
@@ -90,10 +93,10 @@ def test_the_lines_of_the_manual_bake(packages, tmp_path):
 @pytest.mark.slow
 def test_the_lines_of_the_manual_make_an_asset(packages, tmp_path):
     lines, _ = lines_of_the_manual()
-    assert len(lines) == 1
+    assert len(lines) == 2
     program = tmp_path / "manual.py"
     program.write_text(
-        "import imprint\n" + GRID + lines[0] + "assert set(result.maps) == {'ao'}\nprint('as the manual says')\n"
+        "import imprint\n" + GRID + "".join(lines) + "assert set(result.maps) == {'ao'}\nprint('as the manual says')\n"
     )
     done = run(packages, tmp_path, program)
     assert "as the manual says" in done.stdout and "(500, 3, 2) (256, 256, 4) 250" in done.stdout, (

@@ -30,10 +30,10 @@ MAY_IMPORT = {
     "engine": {"core", "mesh", "passes"},
     "audit": {"core", "mesh", "passes", "engine"},
     "export": {"core", "mesh", "scene", "output", "older_blender"},
-    "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
+    "jobs": {"core", "mesh", "blocks", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "ui": {"core", "mesh", "passes", "scene", "output", "engine", "jobs", "export", "flamenco", "older_blender"},
     "cli": {"core", "flamenco", "scene", "output", "jobs", "export", "older_blender"},
-    "api": {"core", "scene", "jobs", "older_blender"},
+    "api": {"core", "blocks", "scene", "jobs", "older_blender"},
     "": {"core", "passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers, runs and frees
 }
 """The packages that each package may import."""

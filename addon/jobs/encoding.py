@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Encodes texels of any program in blocks that GPUs read, with mip levels."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ..blocks.formats import BlockFormat, Purpose
+from ..engine.mip_levels import halved
+from ..output import atomic_file, containers, image_file, value_encoding
+from ..output.containers import Container
+from ..scene import textures
+from .job import check_gpu
+
+SHORTEST = 1e-6
+"""Normals of which the mean is shorter point nowhere, and become that of a flat surface."""
+
+
+def encode(
+    texels: np.ndarray, block_format: BlockFormat, purpose: Purpose, *, has_alpha: bool, mips: bool
+) -> Container:
+    """The blocks of texels, and of the mip levels below them.
+
+    Args:
+        texels: (H, W, 4) float32, row 0 at v = 0, as `purpose` says. What has no alpha has 1 there.
+        mips: whether there are levels down to one texel: means of unit normals, of linear colors, or of the values.
+
+    Raises NoGpu.
+    """
+    check_gpu()
+    levels = list(_levels(texels, purpose)) if mips else []
+    blocks = image_file.Blocks(block_format, purpose, levels, has_map_in_alpha=not has_alpha)
+    return blocks.container(texels, has_alpha=has_alpha, is_color=purpose is Purpose.COLOR, note="")
+
+
+def shown(content: Container) -> np.ndarray:
+    """The texels (H, W, 4) float32 that a GPU reads of the largest level, row 0 at v = 0."""
+    return image_file.decoded(content)
+
+
+def read(path: str) -> tuple[np.ndarray, bool]:
+    """The texels of an image as `encode` takes them, and whether the file has alpha. Raises BakeError."""
+    return image_file.read(path), image_file.format_of(path).has_alpha
+
+
+def write(path: Path, content: Container) -> None:
+    """Write a .dds or .ktx2 file. Raises BakeError, and then an earlier file stays."""
+    with atomic_file.replacing(path) as partial:
+        containers.write(partial, content)
+
+
+def _levels(texels: np.ndarray, purpose: Purpose) -> Iterator[np.ndarray]:
+    """The levels from 1 on, each the mean of the texels below it. Texels whose alpha is 0 do not count, if others do."""
+    weights = np.maximum(texels[..., 3:], np.float32(1e-6))
+    sums = np.concatenate(
+        [_linear(texels[..., :3], purpose) * weights, weights, texels[..., 3:], np.ones_like(weights)], axis=2
+    )
+    for _ in range(int(max(texels.shape[:2])).bit_length() - 1):
+        sums = halved(sums)
+        colors = _stored(sums[..., :3] / sums[..., 3:4], purpose)
+        yield np.concatenate([colors, sums[..., 4:5] / sums[..., 5:]], axis=2).astype(np.float32)
+
+
+def _linear(colors: np.ndarray, purpose: Purpose) -> np.ndarray:
+    """Colors as values that have a mean."""
+    if purpose is Purpose.NORMAL:
+        return 2.0 * colors - 1.0
+    return textures.srgb_to_linear(colors) if purpose is Purpose.COLOR else colors
+
+
+def _stored(values: np.ndarray, purpose: Purpose) -> np.ndarray:
+    """What `_linear` was made of."""
+    if purpose is not Purpose.NORMAL:
+        return value_encoding.to_srgb(values) if purpose is Purpose.COLOR else values
+    lengths = np.linalg.norm(values, axis=2, keepdims=True)
+    units = np.where(lengths > SHORTEST, values / np.maximum(lengths, SHORTEST), np.float32([0.0, 0.0, 1.0]))
+    return 0.5 + 0.5 * units

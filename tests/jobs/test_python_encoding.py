@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the Python door to blocks: known values of levels, files that others read, sentences for wrong values."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from addon import api
+from addon.api import BakeError
+from tests.support import snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+STEP = 1.0 / 255.0
+SLOW = pytest.mark.slow
+"""Drivers in software take seconds to compile the encoder of BC7."""
+
+
+def flat(*color, side=8):
+    return np.full((side, side, len(color)), color, np.float32)
+
+
+def last(found):
+    """The texel of the last level."""
+    content = api.encoding.Container(
+        (1, 1), found.levels[-1:], api.BY_NAME[found.format], has_alpha=found.format == "bc7"
+    )
+    return api.encoding.shown(content)[0, 0]
+
+
+@pytest.mark.parametrize("name", ["bc4", "BC5", pytest.param("bc7", marks=SLOW), "bc6h", "bc6h-signed", "bc6h_signed"])
+def test_one_value_is_kept_in_all_formats(name):
+    before = snapshot.snapshot()
+    found = api.encode(flat(0.5, 0.25, 1.0), name, mips=np.bool_(True))
+    assert snapshot.difference(before, snapshot.snapshot()) == {}
+    assert [level.shape[:2] for level in found.levels] == [(2, 2), (1, 1), (1, 1), (1, 1)]
+    stored = {"bc4": 1, "bc5": 2}.get(found.format, 3)
+    assert np.abs(found.texels[..., :stored] - [0.5, 0.25, 1.0][:stored]).max() < STEP
+    assert np.abs(last(found)[:stored] - [0.5, 0.25, 1.0][:stored]).max() < STEP
+    assert found.size == (8, 8) and found.files == []
+
+
+@SLOW
+def test_levels_of_colors_are_means_of_linear_values():
+    checker = np.indices((8, 8)).sum(axis=0) % 2
+    found = api.encode(np.repeat(0.2 + 0.6 * checker[..., None], 3, axis=2), "bc7", purpose="color")
+    # The mean of the linear values 0.0331 and 0.6038, as sRGB (IEC 61966-2-1).
+    assert np.abs(last(found)[:3] - 0.5999).max() < STEP
+
+
+def test_levels_of_values_are_their_means():
+    found = api.encode((np.indices((8, 8)).sum(axis=0) % 2).astype(np.float64), "bc4")
+    assert abs(last(found)[0] - 0.5) < STEP
+
+
+def test_levels_of_normals_have_length_one():
+    angle = 1.2
+    normals = np.zeros((8, 8, 3), np.float32)
+    normals[..., 0], normals[..., 2] = np.sin(angle), np.cos(angle)
+    normals[:4] = [0.0, 0.0, 1.0]
+    for name in ("bc5", "bc6h"):
+        found = last(api.encode(0.5 + 0.5 * normals, name, purpose="normal"))
+        assert np.abs(2.0 * found[:2] - 1.0 - [np.sin(angle / 2), 0.0]).max() < 2.5 * STEP
+    opposite = np.where(np.indices((8, 8))[0][..., None] % 2, [1.0, 0.5, 0.5], [0.0, 0.5, 0.5])
+    found = api.encode(opposite, "bc5", purpose="normal")
+    assert np.abs(last(found)[:2] - 0.5).max() < STEP  # points nowhere: flat
+
+
+@SLOW
+def test_texels_that_nothing_covers_do_not_count_in_levels():
+    texels = flat(1.0, 0.0, 0.0, 1.0)
+    texels[:, ::2] = [0.0, 1.0, 0.0, 0.0]
+    found = last(api.encode(texels, "bc7"))
+    assert np.abs(found - [1.0, 0.0, 0.0, 0.5]).max() < STEP
+
+
+@SLOW
+@pytest.mark.parametrize("ending", ["dds", "ktx2"])
+def test_files_are_read_by_others(tmp_path, ending):
+    texels = np.linspace(0, 255, 64).astype(np.uint8).reshape(8, 8)
+    path = tmp_path / f"map.{ending}"
+    path.write_bytes(b"earlier")
+    found = api.encode(np.repeat(texels[..., None], 3, axis=2), "bc7", output=path)
+    assert found.files == [str(path)] and sorted(tmp_path.iterdir()) == [path]
+    head = path.read_bytes()[:12]
+    assert head.startswith(b"DDS " if ending == "dds" else b"\xabKTX 20\xbb\r\n\x1a\n")
+    if ending == "dds":
+        with Image.open(path) as picture:
+            read = np.asarray(picture.convert("RGB"), np.float32)[::-1] / 255.0
+        assert np.abs(read - found.texels[..., :3]).max() < STEP
+        assert np.abs(read[..., 0] - texels / 255.0).max() < 8 * STEP
+    read, has_alpha = api.encoding.read(str(path))
+    assert np.array_equal(read, found.texels) and not has_alpha
+    again = api.encode(path, "bc4", mips=False)
+    assert len(again.levels) == 1 and np.abs(again.texels[..., 0] - read[..., 0]).max() < 8 * STEP
+
+
+WRONG = [
+    ({"texels": None}, "None are no numbers"),
+    ({"texels": flat(0.5, 0.5)}, "shape"),
+    ({"texels": [[1.0, 2.0], [3.0]]}, "no numbers"),
+    ({"texels": np.zeros((0, 4))}, "no numbers"),
+    ({"texels": np.zeros((1, 20_000))}, "20,000"),
+    ({"texels": flat(np.nan, 0.0, 0.0)}, "finite"),
+    ({"texels": "nowhere.png"}, "no file"),
+    ({"texels": __file__}, r"test_python_encoding\.py"),
+    ({"format": "bc9"}, "format: 'bc9' is not one of bc4"),
+    ({"format": 7}, "format: 7"),
+    ({"purpose": "colour"}, "purpose: 'colour'"),
+    ({"mips": 3}, "mips: 3"),
+    ({"output": "map.png"}, r"\.dds or \.ktx2"),
+    ({"output": 3}, "output"),
+    ({"texels": flat(0.5, side=6), "output": "map.dds"}, "multiples of 4"),
+]
+
+
+@pytest.mark.parametrize(("given", "said"), WRONG)
+def test_wrong_values_are_sentences(given, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BakeError, match=said) as caught:
+        api.encode(**{"texels": flat(0.5, 0.5, 1.0)} | given)
+    assert str(caught.value).endswith(".") and not list(tmp_path.iterdir())
+
+
+def test_sides_that_fill_no_blocks_are_padded(tmp_path):
+    texels = np.random.default_rng(3).random((5, 7, 3))
+    found = api.encode(texels, "bc6h", output=tmp_path / "map.ktx2")
+    assert found.size == (7, 5) and found.texels.shape == (5, 7, 4)
+    assert [level.shape[:2] for level in found.levels] == [(2, 2), (1, 1), (1, 1)]
