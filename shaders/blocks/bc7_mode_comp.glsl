@@ -6,6 +6,9 @@
 
 // How many proposals come from least squares, the first from the axis.
 const int BC7_SQUARES = 4;
+// The squared error of a texel that is no larger than that of rounding to 8 bits: no other mode is tried.
+const int BC7_ENOUGH = 3;
+const int BC7_ENOUGH_COLOR = 16;
 // What is seen has 10 bits where a texel shows it. Of brighter proposals, it is cut here.
 const int BC7_MOST_SEEN = 2047;
 // Weights of least squares have 6 bits, and 10 where a proposal is brighter than the texel.
@@ -88,11 +91,7 @@ void main()
   int kind = more.x, index_bits = more.y, second_bits = more.z, rank = more.w;
   int rotation = how.z, sweeps = how.w;
   int last_bit = kind != 0 ? 1 : 0;
-  uint least = imageLoad(costs, block).x;
-  least = is_first != 0 ? 4294967295u : least;
-  if (least == 0u) {
-    return;
-  }
+  uint least = is_first != 0 ? 4294967295u : imageLoad(costs, block).x;
 
   // The texels, and what the squares of their errors count.
   // Weights are for axes and proposals. What an error costs is the square of the difference of what is seen.
@@ -101,7 +100,7 @@ void main()
   ivec4 counts[16];
   int weights_of[16];
   ivec4 is_curved = how.x * ivec4(1, 1, 1, 0);
-  int heaviest = 0, is_opaque = 1;
+  int heaviest = 0, all_weights = 0, is_opaque = 1;
   for (int i = 0; i < 16; i++) {
     ivec2 texel = block * 4 + ivec2(i & 3, i >> 2);
     ivec4 color = bc7_fixed(texel_at(texels, texel));
@@ -112,8 +111,11 @@ void main()
     colors[i] = color;
     weights_of[i] = bc7_weight(texel_at(weights, min(texel, texel_size(weights) - 1)).x);
     heaviest = max(heaviest, weights_of[i]);
+    all_weights += weights_of[i];
   }
-  if (mode == 7 && is_opaque == 1) {
+  all_weights = heaviest == 0 ? 16 * BC7_HEAVIEST : all_weights;
+  uint enough = uint(all_weights * (how.x != 0 ? BC7_ENOUGH_COLOR : BC7_ENOUGH));
+  if (least <= enough || (mode == 7 && is_opaque == 1)) {
     return;
   }
   if (rotation > 0) {

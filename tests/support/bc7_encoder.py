@@ -20,10 +20,11 @@ def encoded(texels, purpose, has_alpha, plan, weights=None):
     colors = _fixed(_in_blocks(texels))
     counted = np.ones(colors.shape[:2], np.float32) if weights is None else _in_blocks(weights[..., None])[..., 0]
     least = np.full(len(colors), NONE)
+    enough = _counts(counted).sum(1) * (16 if purpose == Purpose.COLOR else 3)
     best = np.zeros((len(colors), 16), np.uint8)
     for step in plan:
         cost, found = _Mode(colors, _counts(counted), purpose, has_alpha, step).encoded()
-        is_better = (cost < least) & (least > 0)
+        is_better = (cost < least) & (least > enough)
         best[is_better], least[is_better] = found[is_better], cost[is_better]
     return best.reshape(rows, columns, 16)
 
