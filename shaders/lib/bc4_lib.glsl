@@ -7,6 +7,7 @@
 const int BC4_ONE = 71400;   // 255 * 7 * 5 * 8
 const int BC4_STEP = 280;    // of endpoints
 const int BC4_FARTHEST = 511;  // so that 16 squares with weights up to 1023 fit in 32 bits
+const int BC4_MUCH = 8;  // half of the weight of a texel that counts
 const uint BC4_NONE = 4294967295u;
 
 struct Bc4Rows {
@@ -61,14 +62,14 @@ uint bc4_cost(Bc4Rows values, Bc4Rows weights, ivec3 ends, int shift)
          bc4_row_cost(values.d, weights.d, ends.x, ends.y, is_six, shift);
 }
 
-// The least and the largest of the values that have a weight; with is_six, of those that are not about 0 or 1.
-ivec2 bc4_row_range(ivec4 values, ivec4 weights, bool is_six)
+// The least and the largest of the values with at least this weight; with is_six, of those that are not about 0 or 1.
+ivec2 bc4_row_range(ivec4 values, ivec4 weights, int least_weight, bool is_six)
 {
   ivec2 range = ivec2(BC4_ONE, 0);
   for (int i = 0; i < 4; i++) {
     int value = clamp(values[i], 0, BC4_ONE);
     bool is_end = is_six && (value < BC4_STEP / 2 || value > BC4_ONE - BC4_STEP / 2);
-    if (weights[i] > 0 && !is_end) {
+    if (weights[i] >= least_weight && !is_end) {
       range = ivec2(min(range.x, value), max(range.y, value));
     }
   }
@@ -82,11 +83,14 @@ ivec3 bc4_search(Bc4Rows values, Bc4Rows weights)
   ivec3 found = ivec3(0, 0, 1);
   uint least = BC4_NONE;
   int shift = 0;
+  // What counts little is no extreme, unless nothing else counts.
+  ivec4 most = max(max(weights.a, weights.b), max(weights.c, weights.d));
+  int least_weight = any(greaterThanEqual(most, ivec4(BC4_MUCH))) ? BC4_MUCH : 1;
   for (int is_six = 0; is_six < 2; is_six++) {
-    ivec2 ra = bc4_row_range(values.a, weights.a, is_six != 0);
-    ivec2 rb = bc4_row_range(values.b, weights.b, is_six != 0);
-    ivec2 rc = bc4_row_range(values.c, weights.c, is_six != 0);
-    ivec2 rd = bc4_row_range(values.d, weights.d, is_six != 0);
+    ivec2 ra = bc4_row_range(values.a, weights.a, least_weight, is_six != 0);
+    ivec2 rb = bc4_row_range(values.b, weights.b, least_weight, is_six != 0);
+    ivec2 rc = bc4_row_range(values.c, weights.c, least_weight, is_six != 0);
+    ivec2 rd = bc4_row_range(values.d, weights.d, least_weight, is_six != 0);
     int low = min(min(ra.x, rb.x), min(rc.x, rd.x));
     int high = max(max(ra.y, rb.y), max(rc.y, rd.y));
     if (is_six == 0) {

@@ -100,10 +100,11 @@ def test_blocks_are_as_good_as_the_best_endpoints_of_all_seed_2():
     assert squares.mean() < 1.02 * least.mean()
 
 
-def test_texels_that_do_not_count_do_not_spoil_a_block():
+@pytest.mark.parametrize("little", [0.0, 0.02])
+def test_texels_that_count_little_do_not_spoil_a_block(little):
     texels = np.full((4, 4, 4), 0.3, np.float32)
     texels[0, :, 0], texels[3, 3, 0] = np.linspace(0.5, 0.51, 4), 0.0
-    weights = np.zeros((4, 4), np.float32)
+    weights = np.full((4, 4), little, np.float32)
     weights[0] = 1.0
     found, spoiled = (
         oracle.decoded(block_encoding.encoded(texels, BC4, Purpose.DATA, each)[0])[0, :4] for each in (weights, None)

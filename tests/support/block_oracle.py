@@ -63,7 +63,8 @@ def search(values, weights):
     """The best endpoints (B,) low and high, and whether six values are between them, for values and weights (B, 16)."""
     count = len(values)
     inside = np.clip(values, 0, ONE)
-    span = _range(inside, weights > 0)
+    is_extreme = np.where((weights >= 8).any(axis=1, keepdims=True), weights >= 8, weights > 0)
+    span = _range(inside, is_extreme)
     shift = np.zeros(count, np.int64)
     while (is_wide := (span[1] - span[0]) >> shift > 4095).any():
         shift += is_wide
@@ -78,7 +79,7 @@ def search(values, weights):
     found = np.zeros(count, np.int64), np.zeros(count, np.int64), np.ones(count, bool)
     for is_six in (False, True):
         is_end = (inside < STEP // 2) | (inside > ONE - STEP // 2)
-        low, high = _range(inside, (weights > 0) & ~(is_six & is_end))
+        low, high = _range(inside, is_extreme & ~(is_six & is_end))
         first, last = np.minimum(low, high) // STEP, -(-np.maximum(low, high) // STEP)
         size = np.maximum(1, (last - first) // 16)
         least, at = np.full(count, NEVER), (first, last)
