@@ -49,7 +49,12 @@ def imprint_encoders(weights: np.ndarray) -> dict[str, Encoder]:
     def bc5(texels: np.ndarray) -> np.ndarray:
         return decoded(encoded(texels, BC5, Purpose.NORMAL, weights), BC5)
 
-    return {"8-bit RGB": eight_bits, "8-bit RG": lambda texels: eight_bits(texels)[..., :2], "BC5, Imprint": bc5}
+    def bc7(texels: np.ndarray) -> np.ndarray:
+        opaque = np.concatenate([texels[..., :3], np.ones_like(texels[..., 3:])], axis=2)
+        return decoded(encoded(opaque, BC7, Purpose.NORMAL, weights), BC7)[..., :3]
+
+    plain: dict[str, Encoder] = {"8-bit RGB": eight_bits, "8-bit RG": lambda texels: eight_bits(texels)[..., :2]}
+    return {**plain, "BC5, Imprint": bc5, "BC7, Imprint": bc7}
 
 
 def eight_bits(texels: np.ndarray) -> np.ndarray:
