@@ -134,26 +134,29 @@ def test_a_flat_map_on_a_step_costs_nothing():
     assert np.abs(block_encoding.compressed(texels, "bc5")[..., :2] - texels[..., :2]).max() < 1e-6
 
 
-def test_two_normals_of_a_block_have_the_angles_that_their_numbers_say(monkeypatch):
-    """Of red, one half of each block has its first endpoint, and one its second: 128 and 191. Green is 128."""
-    indices = sum(1 << 3 * texel for texel in range(8, 16))  # the lower half has index 1
-    block = bytes((191, 128)) + struct.pack("<Q", indices)[:6] + bytes((128, 128)) + bytes(6)
+def test_two_normals_of_a_block_have_the_angles_that_their_numbers_say(tmp_path, monkeypatch):
+    """Of red, one half of each block has the second endpoint, 130, and one is between the two. Green is 128."""
+    lower, upper = 3, 1
+    indices = sum((lower if texel > 7 else upper) << 3 * texel for texel in range(16))
+    block = bytes((191, 130)) + struct.pack("<Q", indices)[:6] + bytes((128, 128)) + bytes(6)
 
     def encoded(texels, *_):
         return np.tile(np.frombuffer(block, np.uint8), (texels.shape[0] // 4, texels.shape[1] // 4, 1))
 
     monkeypatch.setattr(block_encoding, "encoded", encoded)
     low, high = zoo.plane("low"), zoo.plane("high")
-    report = bake_pair(bpy.context, low, [high], settings_of(targets=("unreal", "three"), green="-Y", size=(32, 32)))
-    x = 2.0 * np.array([128, 191]) / 255.0 - 1.0
-    y = 2.0 * 128 / 255.0 - 1.0
-    one, other = np.degrees(np.arcsin(np.hypot(x, y)))
-    found = report.targets["unreal"]["compressed"]
-    assert found["texels"] == 32 * 32
-    assert found["median"] == pytest.approx(one, rel=1e-3)
-    assert found["percentile_95"] == pytest.approx(other, rel=1e-3)
-    assert found["maximum"] == pytest.approx(other, rel=1e-4)
-    assert report.targets["unreal"]["maximum"] < CLOSE
+    given = {"targets": ("unreal", "three"), "green": "-Y", "size": (32, 32), "depth": 8}
+    report = bake_pair(bpy.context, low, [high], settings_of(**given))
+    in_blocks = bake_pair(bpy.context, low, [high], settings_of(tmp_path / "m.dds", **given))
+    x = 2.0 * np.array([130.0, (5.0 * 191.0 + 2.0 * 130.0) / 7.0]) / 255.0 - 1.0
+    one, other = np.degrees(np.arcsin(np.hypot(x, 2.0 * 128.0 / 255.0 - 1.0)))
+    for found in (report.targets["unreal"]["compressed"], in_blocks.targets["unreal"]):
+        assert found["texels"] == 32 * 32
+        assert found["median"] == pytest.approx(one, rel=1e-3)
+        assert found["percentile_95"] == pytest.approx(other, rel=1e-3)
+        assert found["maximum"] == pytest.approx(other, rel=1e-4)
+    rounding = np.degrees(np.arcsin(np.hypot(1.0, 1.0) / 255.0))
+    assert report.targets["unreal"]["maximum"] == pytest.approx(rounding, rel=1e-3)
     assert "compressed" not in report.targets["three"]
 
 
