@@ -236,6 +236,13 @@ def test_other_sizes_go_into_ktx2(tmp_path):
     settings_of(tmp_path, "m.png", size=(30, 21), compression="BC7").check()
 
 
+def test_floats_are_encoded_without_dither(tmp_path, calls):
+    texels = some()
+    with outputs.MapWriter("low", settings_of(tmp_path, "m.dds", size=(16, 12), dither=True)) as writer:
+        writer.add(1001, texels)
+    np.testing.assert_array_equal(calls[0][0][..., :3], texels[::-1, :, :3])
+
+
 def test_nothing_is_left_of_files_that_are_not_stored(tmp_path, calls):
     path = tmp_path / "m.dds"
     path.write_bytes(b"an old picture")
