@@ -61,6 +61,7 @@ _PAINTER = f"{NAME}_normal_base"
 """Names by which Substance 3D Painter finds its mesh maps: those of other maps follow, see MapType.painter_suffix."""
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
 _BC5 = "bc5"
+_UNMEASURED = ", and not measured"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
 # Files keep the number of a program: a new one goes to the end.
@@ -213,6 +214,62 @@ TARGETS = (
         "Marmoset Toolbag",
         "Tangent space of the mesh: *Mikk / xNormal*. By what others say of it, and not measured",
         depth=16,
+    ),
+    # The shader of its viewer for PBR materials decodes so. Textures: "2024 Materials Graphics Updates FAQ" of Linden Lab.
+    TargetEngine(
+        "second-life",
+        "Second Life",
+        bases.MIKKTSPACE,
+        "Second Life",
+        f"Upload as a material (glTF PBR). Textures have at most 2048 x 2048 texels. By its viewer's source{_UNMEASURED}",
+        pack=Pack.GLTF,
+        export=".glb",
+    ),
+    # Creator documentation, "Texture specifications": normal maps of OpenGL, a file for each map.
+    TargetEngine(
+        "roblox",
+        "Roblox",
+        bases.MIKKTSPACE,
+        "Roblox",
+        "`NormalMap` of a *SurfaceAppearance*; roughness and metallic in files of their own; at most 1024 x 1024 texels. "
+        f"By its manual, which tells no basis{_UNMEASURED}",
+    ),
+    # Avatars have Unity's built-in pipeline. Memory: "Performance Ranks" of its creator documentation.
+    TargetEngine(
+        "vrchat",
+        "VRChat",
+        bases.MIKKTSPACE_VERTEX,
+        "VRChat",
+        f"{_OF_UNITY}; format *BC5*; on PC, an avatar of the rank *Good* has at most 75 MB of textures. By its "
+        f"manual{_UNMEASURED}",
+        rebuilds_z=True,
+        depth=16,
+        alpha=True,
+        names="{name}_Normal",
+        pack=Pack.URP,
+        compresses=_BC5,
+    ),
+    # Valve Developer Community, "Bump map": tangent space, X+ Y- Z+; "Texture": sizes.
+    TargetEngine(
+        "source",
+        "Valve Source",
+        bases.MIKKTSPACE_VERTEX,
+        "Valve Source",
+        "Write `.tga` files and turn them into VTF; `$bumpmap` in the material; sides are powers of two, at most 2048. By its "
+        f"manual, which tells no basis{_UNMEASURED}",
+        green=DOWN,
+    ),
+    # SDK, "Texturing technical information" and "FlightSim material textures"; green as Asobo's add-on for Blender shows it.
+    TargetEngine(
+        "msfs",
+        "Flight Simulator",
+        bases.MIKKTSPACE,
+        "Flight Simulator",
+        "PNG of 16 bits, which packages turn into DDS; sides are multiples of four; the mesh by Asobo's own exporter. By its "
+        f"manual, which tells no basis{_UNMEASURED}",
+        green=DOWN,
+        depth=16,
+        pack=Pack.GLTF,
     ),
 )
 BY_NAME = MappingProxyType({target.name: target for target in TARGETS})
