@@ -15,6 +15,8 @@ NAMES = "export_webp", "quality", "lossy_normals"
 """The settings that this is by."""
 LOSSLESS = 100
 """The quality without losses."""
+LONGEST_SIDE = 16383
+"""Texels, by Google's "WebP Container Specification"."""
 _NORMAL = "normalTexture"
 
 
@@ -22,7 +24,8 @@ def store(file: Glb, staged: Sequence[Staged], settings: Mapping[str, Any], fold
     """Store the maps of staged objects as WebP in a file that Blender's exporter has written of them.
 
     Normal maps are without losses unless the settings say otherwise. Other textures stay as they are, and so does a map
-    with an alpha of 0 somewhere: WebP does not keep the colors there, which filtering shows at the borders of cutouts.
+    with a side above LONGEST_SIDE, or with an alpha of 0 somewhere: WebP does not keep the colors there, which filtering shows
+    at the borders of cutouts.
 
     Args:
         settings: Those of NAMES.
@@ -65,7 +68,7 @@ def _store(file: Glb, number: int, quality: int, folder: Path) -> None:
     if image["mimeType"] != PNG:
         return
     texels, has_alpha = image_file.read(path), image_file.format_of(path).has_alpha
-    if has_alpha and texels[..., 3].min() == 0.0:
+    if max(texels.shape[:2]) > LONGEST_SIDE or (has_alpha and texels[..., 3].min() == 0.0):
         return
     target = path.with_suffix(file_formats.WEBP.endings[0])
     image_file.write(texels, target, 8, has_alpha=has_alpha, quality=quality)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes the materials of .glb files into one by the command line, and compares the files in three.js before and after.
 
-    .venv/bin/python scripts/dev/materials_in_three.py [--size 1024] [--npm DIR] [--words "--export-webp"] [FILE.glb ...]
+    .venv/bin/python scripts/dev/materials_in_three.py [--size 1024] [--npm DIR] [--words=--export-webp] [FILE.glb ...]
 
 Needs Chromium and npm, as engines.py does. Without files, those of tests/support/gltf_characters.py: a character of eleven
 materials, a cart of four objects with vertex colors, and all of the first file packed into a new UV map. Cameras around the

@@ -7,7 +7,7 @@ import pytest
 
 from addon.core import file_formats
 from addon.core.errors import BakeError
-from addon.export import engine_files
+from addon.export import engine_files, webp_pictures
 from addon.output import image_file
 from tests.export.test_glb import bake, bent_pair, export
 from tests.support import glb, scenes
@@ -110,6 +110,15 @@ def test_other_textures_stay(tmp_path):
     assert glb.image(tree, binary, own) == (tmp_path / "own.png").read_bytes()
     assert EXTENSION in tree["textures"][material["normalTexture"]["index"]]["extensions"]
     assert "extensions" not in tree["textures"][own]
+
+
+def test_what_is_larger_than_webp_can_be_stays_png(tmp_path, monkeypatch):
+    low, high = bent_pair()
+    report = bake(low, high, export_webp=True)  # of 64 texels
+    for most, kind in ((64, "image/webp"), (63, "image/png")):
+        monkeypatch.setattr(webp_pictures, "LONGEST_SIDE", most)
+        export(tmp_path / "out.glb", report)
+        assert glb.parse(tmp_path / "out.glb")[0]["images"][0]["mimeType"] == kind
 
 
 def test_other_formats_have_png(tmp_path):
