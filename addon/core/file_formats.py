@@ -22,6 +22,7 @@ class FileFormat:
         is_float: Whether it stores floats, rather than steps from 0 to 1.
         is_blocks: Whether it stores blocks of texels as GPUs read them, with all mip levels in one file.
         has_alpha: Whether it can store alpha. Of blocks, their own format decides.
+        clears_colors: Whether it loses colors where alpha is 0.
         has_quality: Whether it can be stored with losses, to be smaller.
         multiple: What the width and the height must be multiples of.
         is_shown: Whether Blender shows its files.
@@ -33,9 +34,15 @@ class FileFormat:
     is_float: bool = False
     is_blocks: bool = False
     has_alpha: bool = True
+    clears_colors: bool = False
     has_quality: bool = False
     multiple: int = 1
     is_shown: bool = True
+
+    @property
+    def has_map_in_alpha(self) -> bool:
+        """Whether alpha can be a map, beside which all colors are kept."""
+        return self.has_alpha and not self.clears_colors
 
     @property
     def usual_depth(self) -> int:
@@ -49,7 +56,7 @@ TIFF = FileFormat("TIFF", (".tif", ".tiff"), (8, 16))
 TARGA = FileFormat("Targa", (".tga",), (8,))
 DDS = FileFormat("DDS", (".dds",), (8,), is_blocks=True, multiple=4)
 KTX2 = FileFormat("KTX2", (".ktx2",), (8,), is_blocks=True, is_shown=False)
-WEBP = FileFormat("WebP", (".webp",), (8,), has_quality=True)
+WEBP = FileFormat("WebP", (".webp",), (8,), clears_colors=True, has_quality=True)
 JPEG = FileFormat("JPEG", (".jpg", ".jpeg"), (8,), has_alpha=False, has_quality=True)
 FORMATS = (PNG, OPEN_EXR, TIFF, TARGA, DDS, KTX2, WEBP, JPEG)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})

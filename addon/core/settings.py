@@ -393,13 +393,17 @@ class Settings:
         if TOKEN in str(PurePath(storing.output).parent):
             yield f"{storing.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
         stored = self.map.packing.channels[-1] if self.map.packing else WHITE
-        has_alpha = storing.alpha and (bool(unknown) or file_formats.of(storing.output).has_alpha)
-        if not has_alpha and stored != WHITE:
-            what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
-            yield f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
+        what = (
+            f"The packed image has {f'the map {BY_NAME[stored.map].label}' if stored.map else 'a number'} in its alpha"
+        )
+        if not storing.alpha and stored != WHITE:
+            yield f"{what}, but the files are to have no alpha: choose one of the two."
         if unknown:
             return
         file_format, ending = file_formats.of(storing.output), PurePath(storing.output).suffix.lower()
+        if storing.alpha and stored != WHITE and not file_format.has_map_in_alpha:
+            lost = "lose colors where alpha is 0" if file_format.has_alpha else "have no alpha"
+            yield f"{what}, but {ending} files {lost}: choose another format, such as {file_formats.PNG.endings[0]}."
         if storing.depth not in file_format.depths:
             depths = " or ".join(map(str, file_format.depths))
             yield f"A {ending} file stores {depths} bits per channel, not {storing.depth}."

@@ -221,7 +221,9 @@ def test_normals_that_lose_their_sign_are_counted(tmp_path, calls, below, compre
         ("m.dds", {"size": (30, 32)}, "30 x 32 texels does not load in Direct3D, which takes multiples of 4"),
         ("m.dds", {"depth": 16}, "A .dds file stores 8 bits per channel, not 16"),
         ("m.ktx2", {"udim": True}, "Blender shows no UDIM tiles of .ktx2 files"),
-        ("m.jpg", {"pack": "HDRP", "maps": ("METALLIC",)}, "but the files are to have no alpha"),
+        ("m.jpg", {"pack": "HDRP", "maps": ("METALLIC",)}, r"in its alpha, but \.jpg files have no alpha: .* \.png\.$"),
+        ("m.webp", {"pack": "URP"}, r"in its alpha, but \.webp files lose colors where alpha is 0: .* \.png\.$"),
+        ("m.webp", {"pack": "CUSTOM", "pack_red": "HEIGHT", "pack_alpha": "ZERO"}, "a number in its alpha, but"),
         ("m.webp", {"quality": 0}, "Quality: 0 is outside"),
         ("m.dds", {"compression": "BC1"}, "Compression: 'BC1'"),
     ],
@@ -229,6 +231,10 @@ def test_normals_that_lose_their_sign_are_counted(tmp_path, calls, below, compre
 def test_settings_that_files_do_not_take_are_refused(tmp_path, name, values, sentence):
     with pytest.raises(BakeError, match=sentence):
         settings_of(tmp_path, name, **values).check()
+
+
+def test_packed_images_without_a_map_in_alpha_go_into_webp(tmp_path):
+    settings_of(tmp_path, "m.webp", pack="UNREAL").check()
 
 
 def test_other_sizes_go_into_ktx2(tmp_path):
