@@ -30,7 +30,8 @@ def encode(
     """
     check_gpu()
     levels = list(_levels(texels, purpose)) if mips else []
-    blocks = image_file.Blocks(block_format, purpose, levels, has_map_in_alpha=not has_alpha)
+    has_map = purpose is Purpose.DATA or not has_alpha  # alpha of data is one more value, such as smoothness
+    blocks = image_file.Blocks(block_format, purpose, levels, has_map_in_alpha=has_map)
     return blocks.container(texels, has_alpha=has_alpha, is_color=purpose is Purpose.COLOR, note="")
 
 
@@ -51,11 +52,11 @@ def write(path: Path, content: Container) -> None:
 
 
 def _levels(texels: np.ndarray, purpose: Purpose) -> Iterator[np.ndarray]:
-    """The levels from 1 on, each the mean of the texels below it. Texels whose alpha is 0 do not count, if others do."""
-    weights = np.maximum(texels[..., 3:], np.float32(1e-6))
-    sums = np.concatenate(
-        [_linear(texels[..., :3], purpose) * weights, weights, texels[..., 3:], np.ones_like(weights)], axis=2
-    )
+    """The levels from 1 on, each the mean of the texels below it. Of all but data, texels whose alpha is 0 do not count, if
+    others do."""
+    alpha = texels[..., 3:]
+    weights = np.ones_like(alpha) if purpose is Purpose.DATA else np.maximum(alpha, np.float32(1e-6))
+    sums = np.concatenate([_linear(texels[..., :3], purpose) * weights, weights, alpha, np.ones_like(weights)], axis=2)
     for _ in range(int(max(texels.shape[:2])).bit_length() - 1):
         sums = halved(sums)
         colors = _stored(sums[..., :3] / sums[..., 3:4], purpose)
