@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The file formats of maps. To add one, add it to FORMATS: no other module names a format or a file ending."""
 
+import math
 from dataclasses import dataclass
 from pathlib import PurePath
 from types import MappingProxyType
 
 from .errors import BakeError
 
+LONGEST_SIDE = 16384
+"""Texels. Direct3D 11 and later, and most GPUs, take no longer ones."""
 USUAL_DEPTH = 16
 """The default bits per channel, for formats that have it."""
 
@@ -24,6 +27,7 @@ class FileFormat:
         has_alpha: Whether it can store alpha. Of blocks, their own format decides.
         clears_colors: Whether it loses colors where alpha is 0.
         has_quality: Whether it can be stored with losses, to be smaller.
+        longest_side: The most texels of a side; infinite without a bound that maps reach.
         multiple: What the width and the height must be multiples of.
         is_shown: Whether Blender shows its files.
     """
@@ -36,6 +40,7 @@ class FileFormat:
     has_alpha: bool = True
     clears_colors: bool = False
     has_quality: bool = False
+    longest_side: float = math.inf
     multiple: int = 1
     is_shown: bool = True
 
@@ -54,9 +59,10 @@ PNG = FileFormat("PNG", (".png",), (8, 16))
 OPEN_EXR = FileFormat("OpenEXR", (".exr",), (16, 32), is_float=True)
 TIFF = FileFormat("TIFF", (".tif", ".tiff"), (8, 16))
 TARGA = FileFormat("Targa", (".tga",), (8,))
-DDS = FileFormat("DDS", (".dds",), (8,), is_blocks=True, multiple=4)
-KTX2 = FileFormat("KTX2", (".ktx2",), (8,), is_blocks=True, is_shown=False)
-WEBP = FileFormat("WebP", (".webp",), (8,), clears_colors=True, has_quality=True)
+DDS = FileFormat("DDS", (".dds",), (8,), is_blocks=True, longest_side=LONGEST_SIDE, multiple=4)
+KTX2 = FileFormat("KTX2", (".ktx2",), (8,), is_blocks=True, longest_side=LONGEST_SIDE, is_shown=False)
+# The longest side is by Google's "WebP Container Specification".
+WEBP = FileFormat("WebP", (".webp",), (8,), clears_colors=True, has_quality=True, longest_side=16383)
 JPEG = FileFormat("JPEG", (".jpg", ".jpeg"), (8,), has_alpha=False, has_quality=True)
 FORMATS = (PNG, OPEN_EXR, TIFF, TARGA, DDS, KTX2, WEBP, JPEG)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
@@ -83,16 +89,16 @@ def known(path: str | PurePath) -> FileFormat | None:
     return BY_ENDING.get(PurePath(path).suffix.lower())
 
 
-LONGEST_SIDE = 16384
-"""Texels. Direct3D 11 and later, and most GPUs, take no longer ones."""
-
-
 def check_size(path: str | PurePath, size: tuple[int, int]) -> None:
-    """Raise BakeError for a width and a height that no program loads from a file of blocks at `path`."""
+    """Raise BakeError for a width and a height that a file at `path` does not take, or no program loads from it."""
     file_format = of(path)
     what = f"A {file_format.label} file of {size[0]} x {size[1]} texels"
-    if max(size) > LONGEST_SIDE:
-        raise BakeError(f"{what} has a side above {LONGEST_SIDE:,}, which GPUs do not load: choose a smaller size.")
+    if max(size) > file_format.longest_side:
+        whose = "GPUs do not load" if file_format.is_blocks else f"{file_format.label} does not store"
+        cure = (
+            "choose a smaller size" if file_format.is_blocks else f"choose a smaller size, or a {PNG.endings[0]} file"
+        )
+        raise BakeError(f"{what} has a side above {file_format.longest_side:,}, which {whose}: {cure}.")
     if any(side % file_format.multiple for side in size):
         raise BakeError(
             f"{what} does not load in Direct3D, which takes multiples of {file_format.multiple}: choose another size, or a "

@@ -407,8 +407,7 @@ class Settings:
         if storing.depth not in file_format.depths:
             depths = " or ".join(map(str, file_format.depths))
             yield f"A {ending} file stores {depths} bits per channel, not {storing.depth}."
-        if file_format.is_blocks:
-            yield from _faults(partial(file_formats.check_size, storing.output, self.sampling.size))
+        yield from _faults(partial(file_formats.check_size, storing.output, self.sampling.size))
         if self.sampling.udim and not file_format.is_shown:
             yield f"Blender shows no UDIM tiles of {ending} files: choose a .dds file, or turn UDIM Tiles off."
 

@@ -15,8 +15,7 @@ NAMES = "export_webp", "quality", "lossy_normals"
 """The settings that this is by."""
 LOSSLESS = 100
 """The quality without losses."""
-LONGEST_SIDE = 16383
-"""Texels, by Google's "WebP Container Specification"."""
+LONGEST_SIDE = file_formats.WEBP.longest_side
 _NORMAL = "normalTexture"
 
 

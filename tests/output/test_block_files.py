@@ -224,6 +224,11 @@ def test_normals_that_lose_their_sign_are_counted(tmp_path, calls, below, compre
         ("m.jpg", {"pack": "HDRP", "maps": ("METALLIC",)}, r"in its alpha, but \.jpg files have no alpha: .* \.png\.$"),
         ("m.webp", {"pack": "URP"}, r"in its alpha, but \.webp files lose colors where alpha is 0: .* \.png\.$"),
         ("m.webp", {"pack": "CUSTOM", "pack_red": "HEIGHT", "pack_alpha": "ZERO"}, "a number in its alpha, but"),
+        (
+            "m.webp",
+            {"size": (16384, 16)},
+            "side above 16,383, which WebP does not store: choose a smaller size, or a .png",
+        ),
         ("m.webp", {"quality": 0}, "Quality: 0 is outside"),
         ("m.dds", {"compression": "BC1"}, "Compression: 'BC1'"),
     ],
@@ -237,7 +242,10 @@ def test_packed_images_without_a_map_in_alpha_go_into_webp(tmp_path):
     settings_of(tmp_path, "m.webp", pack="UNREAL").check()
 
 
-def test_other_sizes_go_into_ktx2(tmp_path):
+def test_other_sizes_are_taken(tmp_path):
+    settings_of(tmp_path, "m.ktx2", size=(16384, 16)).check()
+    settings_of(tmp_path, "m.jpg", size=(16384, 16)).check()
+    settings_of(tmp_path, "m.webp", size=(16, 16383)).check()
     settings_of(tmp_path, "m.ktx2", size=(30, 21)).check()
     settings_of(tmp_path, "m.png", size=(30, 21), compression="BC7").check()
 
