@@ -291,8 +291,8 @@ def encode(
         texels: (H, W), (H, W, 3) or (H, W, 4) numbers, row 0 at v = 0, as maps of `bake` are; bytes count from 0 to 255. Or the
             path of an image.
         format: "bc4", "bc5", "bc7", "bc6h" or "bc6h-signed".
-        purpose: what texels are, whose error is made small: "normal" for unit normals as 0.5 + 0.5 n, "color" for sRGB, or
-            "data".
+        purpose: what texels are, whose error is made small: "normal" for unit normals as 0.5 + 0.5 n, "color" for sRGB (in BC6H
+            for linear values, which have no range), or "data".
         mips: whether levels down to one texel follow.
         output: a .dds or .ktx2 file to write. Empty to write no file.
 

@@ -23,16 +23,18 @@ def encode(
     """The blocks of texels, and of the mip levels below them.
 
     Args:
-        texels: (H, W, 4) float32, row 0 at v = 0, as `purpose` says. What has no alpha has 1 there.
+        texels: (H, W, 4) float32, row 0 at v = 0, as `purpose` says; linear if the format stores floats. What has no alpha has
+            1 there.
         mips: whether there are levels down to one texel: means of unit normals, of linear colors, or of the values.
 
     Raises NoGpu.
     """
     check_gpu()
-    levels = list(_levels(texels, purpose)) if mips else []
+    is_srgb = purpose is Purpose.COLOR and not block_format.is_float
+    levels = list(_levels(texels, purpose, is_srgb=is_srgb)) if mips else []
     has_map = purpose is Purpose.DATA or not has_alpha  # alpha of data is one more value, such as smoothness
     blocks = image_file.Blocks(block_format, purpose, levels, has_map_in_alpha=has_map)
-    return blocks.container(texels, has_alpha=has_alpha, is_color=purpose is Purpose.COLOR, note="")
+    return blocks.container(texels, has_alpha=has_alpha, is_color=is_srgb, note="")
 
 
 def shown(content: Container) -> np.ndarray:
@@ -51,29 +53,31 @@ def write(path: Path, content: Container) -> None:
         containers.write(partial, content)
 
 
-def _levels(texels: np.ndarray, purpose: Purpose) -> Iterator[np.ndarray]:
+def _levels(texels: np.ndarray, purpose: Purpose, *, is_srgb: bool) -> Iterator[np.ndarray]:
     """The levels from 1 on, each the mean of the texels below it. Of all but data, texels whose alpha is 0 do not count, if
     others do."""
     alpha = texels[..., 3:]
     weights = np.ones_like(alpha) if purpose is Purpose.DATA else np.maximum(alpha, np.float32(1e-6))
-    sums = np.concatenate([_linear(texels[..., :3], purpose) * weights, weights, alpha, np.ones_like(weights)], axis=2)
+    sums = np.concatenate(
+        [_linear(texels[..., :3], purpose, is_srgb=is_srgb) * weights, weights, alpha, np.ones_like(weights)], axis=2
+    )
     for _ in range(int(max(texels.shape[:2])).bit_length() - 1):
         sums = halved(sums)
-        colors = _stored(sums[..., :3] / sums[..., 3:4], purpose)
+        colors = _stored(sums[..., :3] / sums[..., 3:4], purpose, is_srgb=is_srgb)
         yield np.concatenate([colors, sums[..., 4:5] / sums[..., 5:]], axis=2).astype(np.float32)
 
 
-def _linear(colors: np.ndarray, purpose: Purpose) -> np.ndarray:
+def _linear(colors: np.ndarray, purpose: Purpose, *, is_srgb: bool) -> np.ndarray:
     """Colors as values that have a mean."""
     if purpose is Purpose.NORMAL:
         return 2.0 * colors - 1.0
-    return textures.srgb_to_linear(colors) if purpose is Purpose.COLOR else colors
+    return textures.srgb_to_linear(colors) if is_srgb else colors
 
 
-def _stored(values: np.ndarray, purpose: Purpose) -> np.ndarray:
+def _stored(values: np.ndarray, purpose: Purpose, *, is_srgb: bool) -> np.ndarray:
     """What `_linear` was made of."""
     if purpose is not Purpose.NORMAL:
-        return value_encoding.to_srgb(values) if purpose is Purpose.COLOR else values
+        return value_encoding.to_srgb(values) if is_srgb else values
     lengths = np.linalg.norm(values, axis=2, keepdims=True)
     units = np.where(lengths > SHORTEST, values / np.maximum(lengths, SHORTEST), np.float32([0.0, 0.0, 1.0]))
     return 0.5 + 0.5 * units

@@ -48,6 +48,15 @@ def test_levels_of_colors_are_means_of_linear_values():
     assert np.abs(last(found)[:3] - 0.5999).max() < STEP
 
 
+@pytest.mark.parametrize(("name", "value"), [("bc6h", 4.0), ("bc6h-signed", -2.0)])
+def test_levels_of_floats_are_means_without_a_range(name, value):
+    found = api.encode(np.where(np.indices((8, 8))[0][..., None] % 2, np.full(3, value), 0.0), name, purpose="color")
+    assert np.allclose(last(found)[:3], value / 2, rtol=0.01)
+    texels = flat(value, value, value, 1.0)
+    texels[:, ::2] = 0.0  # alpha 0: nothing covers them
+    assert np.allclose(last(api.encode(texels, name, purpose="color"))[:3], value, rtol=0.01)
+
+
 def test_levels_of_values_are_their_means():
     found = api.encode((np.indices((8, 8)).sum(axis=0) % 2).astype(np.float64), "bc4")
     assert abs(last(found)[0] - 0.5) < STEP
@@ -78,7 +87,7 @@ def test_texels_that_nothing_covers_do_not_count_in_levels():
 def test_alpha_of_data_weighs_nothing(purpose, red):
     texels = flat(1.0, 0.5, 0.5, 1.0)  # as metal in red, and smoothness in alpha
     texels[:, ::2] = [0.0, 0.5, 0.5, 0.0]
-    *_, level = api.encoding._levels(texels, api.Purpose[purpose.upper()])
+    *_, level = api.encoding._levels(texels, api.Purpose[purpose.upper()], is_srgb=purpose == "color")
     assert abs(level[0, 0, 0] - red) < 1e-4 and level[0, 0, 3] == 0.5
 
 
