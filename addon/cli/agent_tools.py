@@ -88,6 +88,21 @@ class Place:
             raise Refused(f"{title}: there is no file {name!r} in {self.root!r}.")
         return path
 
+    def check_beside(self, output: str) -> None:
+        """Raise Refused if something in the folder of `output` leads out of this place: files that are written beside it
+        would replace what a link there leads to."""
+        folder = untrusted.fixed_folder(output)
+        folders = [folder, _pictures(output), os.path.join(folder, "textures")]  # the last one of USD
+        if folder != os.path.dirname(output):
+            folders = [each for each, *_ in os.walk(folder)]
+        for each in filter(os.path.isdir, folders):
+            for name in os.listdir(each):
+                if not untrusted.is_below(os.path.realpath(os.path.join(each, name)), self.outputs):
+                    raise Refused(
+                        f"{_shown(name)} in {each!r} is a link that leads out of {self.outputs!r}, the folder that this "
+                        "server works in: choose a folder without such links for what is written."
+                    )
+
     def sandbox(self) -> list[str]:
         """The options that a bake needs if its files are not trusted."""
         if not self.untrusted:
@@ -277,10 +292,18 @@ def _maps(given: Mapping[str, Any]) -> list[str]:
     return [*([f"--maps={','.join(names)}"] if names else []), *normal, *size]
 
 
+def _pictures(output: str) -> str:
+    """The folder of the pictures that are kept of a bake."""
+    return f"{os.path.splitext(output)[0]}.pictures"
+
+
 def _baked(place: Place, words: list[str], output: str) -> Answer:
     """Bake, and say what came of it. The report and a picture are kept beside the output."""
     base = os.path.splitext(output)[0]
-    report, pictures = (place.path(f"{base}.{end}", "output", is_written=True) for end in ("report.json", "pictures"))
+    report, pictures = (
+        place.path(name, "output", is_written=True) for name in (f"{base}.report.json", _pictures(output))
+    )
+    place.check_beside(output)
     own = [f"--report={report}", f"--pictures={pictures}", f"--timeout={place.seconds:g}", *place.sandbox()]
     begun = time.time()
     code, _, told = _run(place, [*words, *own])

@@ -118,7 +118,7 @@ def bounds_of(options: RunOptions, first: argparse.Namespace) -> Bounds | None:
         inputs, outputs = folder, os.path.join(folder, OUTPUT)
     else:
         inputs = options.folder or os.path.dirname(os.path.abspath(next(iter(first.file), first.low_file)))
-        outputs = os.path.dirname(_PLACEHOLDER.split(os.path.abspath(first.output))[0])
+        outputs = fixed_folder(os.path.abspath(first.output))
     named = options.input_folder or inputs
     inputs = os.path.realpath(named)
     if not os.path.isdir(inputs):
@@ -139,6 +139,11 @@ def bounds_of(options: RunOptions, first: argparse.Namespace) -> Bounds | None:
     outputs = os.path.realpath(outputs)
     _check_records(options.records, (inputs, outputs, options.log and os.path.realpath(options.log)))
     return Bounds(inputs, outputs, spelled)
+
+
+def fixed_folder(path: str) -> str:
+    """The folder of a path, up to the first placeholder in it."""
+    return os.path.dirname(_PLACEHOLDER.split(path)[0])
 
 
 def check_job_file(name: str) -> None:

@@ -61,18 +61,22 @@ def test_a_bake_is_a_call_of_the_command_line(place, ran):
 
 
 def test_maps_without_a_normal_map(place, ran):
-    agent_tools.call(place, "bake", {**MESHES, "output": "x.png", "maps": ["ao"]})
+    agent_tools.call(place, "bake", {**MESHES, "output": "out/x.png", "maps": ["ao"]})
     assert "--no-normal" in ran[0] and "--maps=ao" in ran[0]
 
 
 def test_an_asset_is_a_call_of_the_command_line(place, ran):
     agent_tools.call(
-        place, "asset", {"files": ["b.ply"], "export": "x.glb", "triangles": 500, "options": {"levels": 2}}
+        place, "asset", {"files": ["b.ply"], "export": "out/x.glb", "triangles": 500, "options": {"levels": 2}}
     )
     (words,) = ran
     assert words[0] == ASSET.name
     _, options = arguments.read_asset(words[1:], "imprint")
-    assert (options.asset.triangles, options.asset.levels, options.export) == (500, 2, str(Path(place.root, "x.glb")))
+    assert (options.asset.triangles, options.asset.levels, options.export) == (
+        500,
+        2,
+        str(Path(place.root, "out", "x.glb")),
+    )
 
 
 def test_untrusted_files_are_baked_in_the_sandbox(place, ran):
@@ -86,7 +90,35 @@ def test_untrusted_files_are_baked_in_the_sandbox(place, ran):
     assert (options.input_folder, options.output_folder) == (place.root, os.path.join(place.root, "out"))
 
 
-BAKE = {**MESHES, "output": "x.png"}
+@pytest.mark.parametrize(
+    ("link", "output"),
+    [
+        ("out/x_ao.png", "out/x.png"),
+        ("out/x.report.json.lines", "out/x.png"),
+        ("out/x.pictures/1.png", "out/x.png"),
+        ("out/textures/x_map.png", "out/x.png"),
+        ("out/box/x.png", "out/{low}/x.png"),
+        ("out/box", "out/{low}/x.png"),
+    ],
+)
+def test_links_beside_an_output_lead_nowhere_else(place, ran, link, output):
+    path = Path(place.root, link)
+    path.parent.mkdir(parents=True)
+    path.symlink_to(Path(place.root, "map.png"))
+    assert not agent_tools.call(place, "bake", {**MESHES, "output": output}).is_error
+    path.unlink()
+    path.symlink_to(Path(place.root).parent / "new")
+    ran.clear()
+    for tool, given in (
+        ("bake", {**MESHES, "output": output}),
+        ("asset", {"files": ["b.ply"], "export": output.replace("png", "usdc")}),
+    ):
+        answer = agent_tools.call(place, tool, given)
+        assert ran == [] and answer.is_error and "leads out of" in answer.text
+    assert not agent_tools.call(place, "bake", {**MESHES, "output": "else/x.png"}).is_error
+
+
+BAKE = {**MESHES, "output": "out/x.png"}
 NONSENSE = [
     *((name, arguments) for name in TOOLS for arguments in (None, [], 3, "x", {"nonsense": 1}, {3: 4})),
     *((name, {}) for name in (None, 3, "", "rm", ["bake"], {}, "__class__")),
@@ -106,7 +138,10 @@ NONSENSE = [
     ),
     *(("bake", BAKE | {"options": {"samples": each}}) for each in ({}, [[]], [], [{}], "a\0b", "\ud800")),
     *(("bake", BAKE | {"options": each}) for each in ([], "samples=4", 3, True)),
-    *(("asset", {"files": ["b.ply"], "export": "x.glb", "triangles": each}) for each in ("5", True, None, [5], 1.5)),
+    *(
+        ("asset", {"files": ["b.ply"], "export": "out/x.glb", "triangles": each})
+        for each in ("5", True, None, [5], 1.5)
+    ),
     *(("report", {"reports": each}) for each in (["no.json"], "r.json", [None], ["away/secret.obj"])),
     *(("report", {"reports": ["r.json"], "key": each}) for each in ("a", "0", "....x", 3)),
     *(("picture", {"path": each}) for each in ("c.txt", "no.png", "../secret.obj", "link.obj", ".", 3, "a\0")),
