@@ -7,7 +7,6 @@ Paths stay below one folder, and what a client gives wrong is answered by a sent
 import json
 import os
 import subprocess
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -305,13 +304,21 @@ def _baked(place: Place, words: list[str], output: str) -> Answer:
     )
     place.check_beside(output)
     own = [f"--report={report}", f"--pictures={pictures}", f"--timeout={place.seconds:g}", *place.sandbox()]
-    begun = time.time()
+    before = _state(report)
     code, _, told = _run(place, [*words, *own])
     result: dict[str, Any] = {"exit code": code, "messages": told.splitlines()}
-    if os.path.isfile(report) and os.path.getmtime(report) >= begun - 2.0:
+    if _state(report) not in (None, before):  # else it is of an earlier call
         bakes = _json(report).get("bakes") or [{}]
         result |= _short(bakes[0]) | {"report": report}
     return Answer(_cut(json.dumps(result, indent=1)), is_error=code not in (0, 4))
+
+
+def _state(path: str) -> tuple[int, int] | None:
+    """What another file at `path` differs in, as each write makes one; None if there is none."""
+    if not os.path.isfile(path):
+        return None
+    status = os.stat(path)
+    return status.st_ino, status.st_mtime_ns
 
 
 def _short(bake: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from addon.cli import agent_tools, arguments, command, mcp_command
 from addon.cli.agent_tools import TOOLS, Place
 from addon.cli.commands import ASSET
 from addon.core.declarations.all_settings import DECLARED
+from addon.output import atomic_file
 from tests.support import scenes, zoo
 
 MESHES = {"files": ["a.obj", "b.ply"]}
@@ -116,6 +117,23 @@ def test_links_beside_an_output_lead_nowhere_else(place, ran, link, output):
         answer = agent_tools.call(place, tool, given)
         assert ran == [] and answer.is_error and "leads out of" in answer.text
     assert not agent_tools.call(place, "bake", {**MESHES, "output": "else/x.png"}).is_error
+
+
+def test_the_report_of_an_earlier_bake_is_not_this_ones(place, monkeypatch):
+    report, written = Path(place.root, "out", "x.report.json"), []
+
+    def run(*_):
+        for state in written:
+            with atomic_file.replacing(report) as partial:
+                partial.write_text(json.dumps({"bakes": [{"state": state}]}))
+        return 2, "", "Nothing was baked."
+
+    monkeypatch.setattr(agent_tools, "_run", run)
+    states = []
+    for written[:] in (["done"], [], ["failed"]):
+        answer = agent_tools.call(place, "bake", {**MESHES, "output": "out/x.png"})
+        states.append(json.loads(answer.text).get("state"))
+    assert states == ["done", None, "failed"]
 
 
 BAKE = {**MESHES, "output": "out/x.png"}
