@@ -205,10 +205,8 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--scene is for a .blend: leave it out"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
-    if options.convert and (others := _given(options, CONVERT.refused)):
-        yield CONVERT.refusal.format(", ".join(others))
-    if options.convert and options.export:
-        yield "--export follows a bake: leave it out with --convert"
+    if options.convert:
+        yield from _wrong_conversion(options)
     shares = are_several(options) and not is_folder(options) and not naming.has_low(options.output or "")
     if options.pack_uvs and not shares:
         yield "--pack-uvs is for low objects that share one map: leave it out, or {low} in --output"
@@ -218,6 +216,17 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
 
 _BESIDE_SETS = (*("low", "high", "cage", "low_file", "high_file", "cage_file", "pairs", "part", "convert", "frames"),)
 """Options that --set leaves no room for."""
+
+
+def _wrong_conversion(options: argparse.Namespace) -> Iterator[str]:
+    if others := _given(options, CONVERT.refused):
+        yield CONVERT.refusal.format(", ".join(others))
+    if options.export:
+        yield "--export follows a bake: leave it out with --convert"
+    before = file_formats.known(options.convert)
+    if before and not before.is_shown:
+        why = f"since Blender does not read {before.label}: name the map's .dds or .png file"
+        yield f"{options.convert!r} cannot be converted, {why}"
 
 
 def _wrong_set(options: argparse.Namespace) -> Iterator[str]:

@@ -78,6 +78,7 @@ WRONG = {
     "no file": (1, ["missing.png"], "'missing.png' does not exist."),
     "normals that point inwards": (1, ["tangent.png", "--from-blue", "-z"], "choose another From Space"),
     "the same file": (2, ["tangent.png", "--output", "tangent.png"], "the map to convert"),
+    "KTX2": (2, ["old_<UDIM>.ktx2"], "Blender does not read KTX2: name the map's .dds or .png file"),
     "other maps": (2, ["tangent.png", "--maps", "height"], "--convert converts one normal map: leave out --maps"),
     "a mask": (2, ["tangent.png", "--mask"], "leave out --mask"),
     "several of them": (
