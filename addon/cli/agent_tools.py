@@ -26,6 +26,8 @@ MOST_WORDS = 20_000
 """Characters of an answer: agents read all of it."""
 LARGEST_PICTURE = 4 << 20
 """Bytes of a PNG file that is shown."""
+LARGEST_NUMBER = 1 << 53
+"""Of a number that is given, without its sign."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _NOT_SETTINGS = {
     *("low", "high", "scene", "pairs", "set", "part", "pack-uvs", "frames", "convert", "image", "no-material"),
@@ -144,7 +146,10 @@ def call(place: Place, name: Any, arguments: Any) -> Answer:
 
 
 def _shown(value: Any) -> str:
-    text = printable(repr(value))
+    try:
+        text = printable(repr(value))
+    except ValueError:  # Python writes no integer of more than 4,300 digits
+        text = "a number of thousands of digits"
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
@@ -163,12 +168,20 @@ def _checked(tool: Tool, arguments: Any) -> dict[str, Any]:
         kind = tool.properties[name]["type"]
         if not isinstance(value, _KINDS[kind]) or isinstance(value, bool):
             raise Refused(f"{name}: {_shown(value)} is no {kind}.")
+        if isinstance(value, int | float):
+            _check_number(name, value)
         for text in [name, value] if kind == "string" else value if kind == "array" else []:
             _check_text(name, text)
     for name in tool.required:
         if arguments.get(name) in (None, "", []):
             raise Refused(f"{name} is missing: {tool.properties[name]['description']}.")
     return dict(arguments)
+
+
+def _check_number(name: str, value: float) -> None:
+    """Raise Refused for a number that no setting can be. NaN is left to the command line."""
+    if abs(value) > LARGEST_NUMBER:
+        raise Refused(f"{name}: {_shown(value)} is too large.")
 
 
 def _check_text(name: str, value: Any) -> None:
@@ -197,6 +210,9 @@ def _setting_words(options: Mapping[str, Any], known: Sequence[str]) -> list[str
             continue
         if not values or not all(isinstance(each, str | int | float) for each in values):
             raise Refused(f"options: {key} of {_shown(value)} is neither a number, a text, a list of them nor true.")
+        for each in values:
+            if not isinstance(each, str):
+                _check_number(f"options: {key}", each)
         text = ",".join(map(str, values))
         _check_text(f"options: {key}", text)
         words.append(f"--{key}={text}")

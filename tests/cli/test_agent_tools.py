@@ -137,6 +137,7 @@ def test_the_report_of_an_earlier_bake_is_not_this_ones(place, monkeypatch):
 
 
 BAKE = {**MESHES, "output": "out/x.png"}
+HUGE = 10**5000
 NONSENSE = [
     *((name, arguments) for name in TOOLS for arguments in (None, [], 3, "x", {"nonsense": 1}, {3: 4})),
     *((name, {}) for name in (None, 3, "", "rm", ["bake"], {}, "__class__")),
@@ -160,13 +161,18 @@ NONSENSE = [
         ("asset", {"files": ["b.ply"], "export": "out/x.glb", "triangles": each})
         for each in ("5", True, None, [5], 1.5)
     ),
+    *(("asset", {"files": ["b.ply"], "export": "out/x.glb", each: -HUGE}) for each in ("triangles", "degrees", "size")),
+    *(("bake", BAKE | {"options": {"samples": each}}) for each in (HUGE, [1, HUGE], [[HUGE]])),
+    ("bake", {"output": HUGE}),
+    ("bake", [HUGE]),
+    (HUGE, {}),
     *(("report", {"reports": each}) for each in (["no.json"], "r.json", [None], ["away/secret.obj"])),
     *(("report", {"reports": ["r.json"], "key": each}) for each in ("a", "0", "....x", 3)),
     *(("picture", {"path": each}) for each in ("c.txt", "no.png", "../secret.obj", "link.obj", ".", 3, "a\0")),
 ]
 
 
-@pytest.mark.parametrize(("name", "given"), NONSENSE)
+@pytest.mark.parametrize(("name", "given"), NONSENSE, ids=range(len(NONSENSE)))
 def test_nonsense_gets_a_sentence_and_starts_nothing(place, ran, name, given):
     before = sorted(Path(place.root).rglob("*"))
     answer = agent_tools.call(place, name, given)
