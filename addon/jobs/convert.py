@@ -254,6 +254,7 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     with timings.timed("textures"):
         tiles = {tile: textures.read_stored(image, tile) for tile in _tiles(image, settings.sampling)}
     settings = _sized(image, tiles, settings)
+    settings.check()  # again, as formats of files do not take all sizes
     check_outputs(low, settings)
     read = [(bpy.path.abspath(image.filepath, library=image.library), "the map to convert")] if image.filepath else []
     check_file_clashes([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings.storing)])

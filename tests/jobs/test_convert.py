@@ -497,6 +497,13 @@ def test_x_in_alpha_is_refused(low, tangent):
         converted(low, "swizzled")
 
 
+def test_a_size_that_the_new_file_does_not_take_is_refused(low, tmp_path):
+    picture("long", np.ones((16, 16384, 4)))
+    with pytest.raises(BakeError, match="A WebP file of 16384 x 16 texels has a side above 16,383"):
+        converted(low, "long", storage="FILE", output=str(tmp_path / "m.webp"), depth=8)
+    assert not list(tmp_path.iterdir())
+
+
 def test_object_space_has_no_z_to_rebuild():
     """On a plane that faces down, z may be the same below 0 everywhere."""
     low = zoo.plane("low")
