@@ -288,13 +288,13 @@ def encode(
     """Encode texels on the GPU in blocks, as engines load them. The open scene stays as it was.
 
     Args:
-        texels: (H, W), (H, W, 3) or (H, W, 4) numbers, row 0 at v = 0, as maps of `bake` are; bytes count from 0 to 255. Or the
-            path of an image.
+        texels: (H, W), (H, W, 3) or (H, W, 4) numbers, row 0 at v = 0, as maps of `bake` are. Whole numbers are uint8, from 0
+            to 255, or uint16, to 65,535. Or the path of an image.
         format: "bc4", "bc5", "bc7", "bc6h" or "bc6h-signed".
         purpose: what texels are, whose error is made small: "normal" for unit normals as 0.5 + 0.5 n, "color" for sRGB (in BC6H
             for linear values, which have no range), or "data".
         mips: whether levels down to one texel follow.
-        output: a .dds or .ktx2 file to write. Empty to write no file.
+        output: a .dds or .ktx2 file to write; "//" starts at the folder of the open .blend file. Empty to write no file.
 
     Raises:
         BakeError: for what cannot be encoded, with a sentence that says what to fix.
@@ -306,13 +306,13 @@ def encode(
     path = _value("output", output)
     if path and not ((file_format := file_formats.known(path)) and file_format.is_blocks):
         raise BakeError(f"output: {path!r} is no file of blocks: end it with .dds or .ktx2.")
+    files = [encoding.absolute(os.path.abspath(path))] if path else []
     values, has_alpha = _texels(texels)
     if path:
         file_formats.check_size(path, (values.shape[1], values.shape[0]))
     content = older_blender.with_gpu(
         lambda: encoding.encode(values, block_format, kind, has_alpha=has_alpha, mips=has_mips)
     )
-    files = [os.path.abspath(path)] if path else []
     for each in files:
         encoding.write(Path(each), content)
     return Encoded(list(content.levels), block_format.name, content.size, encoding.shown(content), files)
@@ -332,21 +332,33 @@ def _texels(source: Any) -> tuple[np.ndarray, bool]:
         path = _value("output", source, "texels")
         if not os.path.isfile(path):
             raise BakeError(f"texels: there is no file {path!r}.")
-        return encoding.read(path)
-    array = _array(source)
-    array = array[..., None] if array.ndim == 2 else array
-    if array.dtype.kind not in "iuf" or array.ndim != 3 or array.shape[2] not in (1, 3, 4) or not array.size:
-        shape = array.shape if array.ndim else kinds.shown(source)
-        raise BakeError(f"texels: {shape} are no numbers of the shape (H, W), (H, W, 3) or (H, W, 4).")
-    if max(array.shape[:2]) > file_formats.LONGEST_SIDE:
-        raise BakeError(
-            f"texels: a side of {max(array.shape[:2]):,} is above {file_formats.LONGEST_SIDE:,}, which GPUs do not load."
-        )
-    values = np.ones((*array.shape[:2], 4), np.float32)
-    values[..., : max(array.shape[2], 3)] = array / np.float32(255.0) if array.dtype == np.uint8 else array
+        _check_side(encoding.size_of(path))
+        values, has_alpha = encoding.read(path)
+    else:
+        array = _array(source)
+        array = array[..., None] if array.ndim == 2 else array
+        if array.dtype.kind not in "iuf" or array.ndim != 3 or array.shape[2] not in (1, 3, 4) or not array.size:
+            shape = array.shape if array.ndim else kinds.shown(source)
+            raise BakeError(f"texels: {shape} are no numbers of the shape (H, W), (H, W, 3) or (H, W, 4).")
+        if array.dtype.kind != "f" and array.dtype not in (np.uint8, np.uint16):
+            raise BakeError(
+                f"texels: {array.dtype} does not say what is white: give floats from 0 to 1, uint8 or uint16."
+            )
+        _check_side(array.shape[:2])
+        most = np.float32(1.0 if array.dtype.kind == "f" else np.iinfo(array.dtype).max)
+        values, has_alpha = np.ones((*array.shape[:2], 4), np.float32), array.shape[2] == 4
+        values[..., : max(array.shape[2], 3)] = array / most
     if not np.isfinite(values).all():
         raise BakeError("texels: some are not finite: give each a number.")
-    return values, array.shape[2] == 4
+    return values, has_alpha
+
+
+def _check_side(size: tuple[int, ...]) -> None:
+    """Raise BakeError for texels that are too many along a side."""
+    if max(size) > file_formats.LONGEST_SIDE:
+        raise BakeError(
+            f"texels: a side of {max(size):,} is above {file_formats.LONGEST_SIDE:,}, which GPUs do not load."
+        )
 
 
 class _Maps(dict[str, np.ndarray]):

@@ -4,9 +4,11 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import bpy
 import numpy as np
 
 from ..blocks.formats import BlockFormat, Purpose
+from ..core.errors import BakeError
 from ..engine.mip_levels import halved
 from ..output import atomic_file, containers, image_file, value_encoding
 from ..output.containers import Container
@@ -40,6 +42,18 @@ def encode(
 def shown(content: Container) -> np.ndarray:
     """The texels (H, W, 4) float32 that a GPU reads of the largest level, row 0 at v = 0."""
     return image_file.decoded(content)
+
+
+def absolute(output: str) -> str:
+    """A path whose two slashes in front, if any, are the folder of the open file. Raises BakeError if that was never saved."""
+    if output.startswith("//") and not bpy.data.filepath:
+        raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
+    return bpy.path.abspath(output)
+
+
+def size_of(path: str) -> tuple[int, int]:
+    """The width and height of an image. Raises BakeError."""
+    return image_file.format_of(path).size
 
 
 def read(path: str) -> tuple[np.ndarray, bool]:

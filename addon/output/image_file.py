@@ -246,13 +246,22 @@ def read(path: str | Path) -> np.ndarray:
     if file_formats.of(path).is_blocks:
         return decoded(containers.read(path))
     with _opened(path) as (picture, stored_as):
-        numbers = picture.read_image(0, 0, 0, picture.spec().nchannels, _number_type(stored_as))
+        spec = picture.spec()
+        colors = spec.nchannels - stored_as.has_alpha
+        has_depth = spec.z_channel == spec.nchannels - 1 and spec.nchannels in (2, 4)  # X, Y, Z are a vector
+        if has_depth or not 1 <= colors <= 3:
+            raise BakeError(
+                f"{str(path)!r} has the channels {', '.join(spec.channelnames)}: give a file of gray, or of red, green and "
+                "blue, with alpha at most."
+            )
+        numbers = picture.read_image(0, 0, 0, spec.nchannels, _number_type(stored_as))
         if numbers is None:
             raise BakeError(f"{str(path)!r} could not be read: {picture.geterror()}.")
-    height, width, channels = numbers.shape
-    texels = np.ones((height, width, 4), np.float32)
-    colors = channels - (channels in (2, 4))
-    texels[..., :3] = numbers[..., :colors]
+    texels = np.ones((*numbers.shape[:2], 4), np.float32)
+    if colors == 2:
+        texels[..., :2], texels[..., 2] = numbers[..., :2], 0.0
+    else:
+        texels[..., :3] = numbers[..., :colors]
     if stored_as.has_alpha:
         texels[..., 3] = numbers[..., -1]
     if not stored_as.is_float:
@@ -296,7 +305,9 @@ def _opened(path: str | Path) -> Iterator[tuple[Any, Format]]:
         spec = picture.spec()
         kind = np.dtype({"half": "f2", "float": "f4"}.get(str(spec.format), str(spec.format)))
         size = spec.width, spec.height
-        yield picture, Format(size, 8 * kind.itemsize, kind.kind == "f", spec.nchannels in (2, 4))
+        # TIFF files need not say what a fourth channel is.
+        has_alpha = spec.nchannels == 4 or spec.alpha_channel == spec.nchannels - 1 > 0
+        yield picture, Format(size, 8 * kind.itemsize, kind.kind == "f", has_alpha)
     finally:
         picture.geterror()
         picture.close()

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the Python door to blocks: known values of levels, files that others read, sentences for wrong values."""
 
+import bpy
 import numpy as np
 import pytest
 from PIL import Image
 
 from addon import api
 from addon.api import BakeError
+from addon.output import image_file
 from tests.support import snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -128,6 +130,8 @@ WRONG = [
     ({"texels": flat(np.nan, 0.0, 0.0)}, "finite"),
     ({"texels": "nowhere.png"}, "no file"),
     ({"texels": __file__}, r"test_python_encoding\.py"),
+    ({"texels": np.full((4, 4), 200)}, "int64 does not say"),
+    ({"output": "//map.dds"}, "never saved"),
     ({"format": "bc9"}, "format: 'bc9' is not one of bc4"),
     ({"format": 7}, "format: 7"),
     ({"purpose": "colour"}, "purpose: 'colour'"),
@@ -144,6 +148,66 @@ def test_wrong_values_are_sentences(given, said, tmp_path, monkeypatch):
     with pytest.raises(BakeError, match=said) as caught:
         api.encode(**{"texels": flat(0.5, 0.5, 1.0)} | given)
     assert str(caught.value).endswith(".") and not list(tmp_path.iterdir())
+
+
+def written(path, names, values, kind="float", size=(4, 4)):
+    """An image whose channels, of these names, have one value each."""
+    library = image_file._library()
+    spec = library.ImageSpec(*size, len(names), kind)
+    spec.channelnames = tuple(names)
+    output = library.ImageOutput.create(str(path))
+    assert output.open(str(path), spec)
+    assert output.write_image(np.full((size[1], size[0], len(names)), values, np.float32))
+    output.close()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "read", "has_alpha"),
+    [
+        ("R", [0.125, 0.125, 0.125, 1.0], False),
+        ("Z", [0.125, 0.125, 0.125, 1.0], False),
+        ("RG", [0.125, 0.25, 0.0, 1.0], False),
+        ("YA", [0.125, 0.125, 0.125, 0.25], True),
+        ("RGA", [0.125, 0.25, 0.0, 0.375], True),
+        ("XYZ", [0.125, 0.25, 0.375, 1.0], False),
+        ("RGBA", [0.125, 0.25, 0.375, 0.5], True),
+    ],
+)
+def test_channels_of_files_are_those_of_their_names(names, read, has_alpha, tmp_path):
+    path = written(tmp_path / "map.exr", names, [0.125, 0.25, 0.375, 0.5][: len(names)])
+    texels, found = api.encoding.read(str(path))
+    assert np.array_equal(texels, np.broadcast_to(np.float32(read), (4, 4, 4))) and found == has_alpha
+
+
+@pytest.mark.parametrize(
+    ("file", "names", "value", "said"),
+    [
+        ("map.exr", "RGBAZ", 0.5, "the channels R, G, B, A, Z: give"),
+        ("map.tif", "RGBAV", 0.5, "the channels R, G, B, A, .*: give"),
+        ("map.exr", "RGBZ", 0.5, "the channels R, G, B, Z: give"),
+        ("map.exr", "RGB", np.nan, "finite"),
+        ("map.exr", "RGB", np.inf, "finite"),
+        ("long.png", "RGB", 0.0, "side of 16,388"),
+    ],
+)
+def test_wrong_files_are_sentences(file, names, value, said, tmp_path):
+    size, kind = ((16_388, 4) if file == "long.png" else (4, 4)), "float" if file.endswith(".exr") else "uint8"
+    path = written(tmp_path / file, names, value, kind, size)
+    with pytest.raises(BakeError, match=said) as caught:
+        api.encode(path, "bc4", mips=False)
+    assert str(caught.value).endswith(".")
+
+
+def test_words_count_from_0_to_65535():
+    found = api.encode(np.full((4, 4), 0x8000, np.uint16), "bc4", mips=False)
+    assert abs(found.texels[0, 0, 0] - 0.5) < STEP
+
+
+def test_two_slashes_are_the_folder_of_the_open_file(tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    found = api.encode(flat(0.5, 0.5, 0.5), "bc4", output="//map.dds")
+    assert found.files == [str(tmp_path / "map.dds")] and (tmp_path / "map.dds").exists()
 
 
 def test_sides_that_fill_no_blocks_are_padded(tmp_path):
