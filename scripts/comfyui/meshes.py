@@ -46,7 +46,9 @@ def mesh_of(answers):
     """A batch of meshes of ComfyUI, of what calls of Imprint return."""
     split = [_by_vertex(answer) for answer in answers]
     mesh = _new(*(_padded([each[name] for each in split]) for name in ("vertices", "faces")))
-    mesh.uvs, mesh.normals = (_padded([each[name] for each in split]) for name in ("uvs", "normals"))
+    mesh.uvs = _padded([each["uvs"] for each in split])
+    has_normals = all("mesh.normals" in answer for answer in answers)  # else readers of the mesh make their own
+    mesh.normals = _padded([each["normals"] for each in split]) if has_normals else None
     if len({(len(each["vertices"]), len(each["faces"])) for each in split}) > 1:
         mesh.vertex_counts, mesh.face_counts = (
             torch.from_numpy(np.array([len(each[name]) for each in split])) for name in ("vertices", "faces")

@@ -15,7 +15,7 @@ MAPS = ("normal", "ao", "curvature", "thickness", "height", "position")
 _LENGTHS = ("height", "position")
 """Maps of lengths, which an image from 0 to 1 holds only with another scale."""
 _SIZE = ("INT", {"default": 1024, "min": 16, "max": 16384, "step": 16, "tooltip": "The side of the maps in texels"})
-_SAMPLES = ("INT", {"default": 4, "min": 1, "max": 64, "tooltip": "Samples a texel"})
+_SAMPLES = ([1, 2, 4, 8, 16, 64], {"default": 4, "tooltip": "Samples a texel"})
 _SETTINGS = (
     "STRING",
     {"default": "", "tooltip": 'Further settings of Imprint as JSON, as {"max_distance": 0.1, "green": "-y"}'},

@@ -8,6 +8,7 @@ import types
 import numpy as np
 import pytest
 
+from addon.core.declarations.all_settings import DECLARED
 from scripts.imprint import ROOT
 
 FOLDER = ROOT / "scripts" / "comfyui"
@@ -55,6 +56,8 @@ def run(nodes, name, **given):
     for each, value in given.items():
         if known[each][0] == "INT":
             assert known[each][1]["min"] <= value <= known[each][1]["max"]
+        elif isinstance(known[each][0], list):
+            assert value in known[each][0]
     if hasattr(kind, "VALIDATE_INPUTS"):
         valid = kind.VALIDATE_INPUTS(**{each: given[each] for each in ("settings",) if each in given})
         if valid is not True:
@@ -114,7 +117,21 @@ def test_a_mesh_and_its_maps_come_back_as_they_were(nodes, calls):
     corners = mesh.vertices.numpy()[0][mesh.faces.numpy()[0]]
     assert np.array_equal(corners, SQUARE[0][FACES[0]])
     assert np.array_equal(mesh.uvs.numpy()[0][mesh.faces.numpy()[0]], UVS[0][FACES[0]])
-    assert mesh.normal_map is not None
+    assert mesh.normal_map is not None and mesh.normals is None
+
+
+def test_normals_come_back_as_they_were(nodes):
+    mesh = {"mesh.vertices": SQUARE[0], "mesh.triangles": FACES[0], "mesh.uv": UVS[0]}
+    mesh_of = sys.modules["comfy_imprint.meshes"].mesh_of
+    (normals,) = mesh_of([mesh | {"mesh.normals": np.float32([[0, 0, 1]] * 4)}]).normals.numpy()
+    assert normals.tolist() == [[0, 1, 0]] * 4  # Y is up
+    assert mesh_of([mesh]).normals is None
+
+
+def test_a_bake_takes_all_samples_that_a_node_offers(nodes):
+    for node in ("ImprintBakeNormal", "ImprintGameAsset"):
+        offered, _ = nodes.NODE_CLASS_MAPPINGS[node].INPUT_TYPES()["required"]["samples"]
+        assert offered == [item.value for item in DECLARED["samples"].items]
 
 
 def test_batches_of_meshes(nodes, calls):
