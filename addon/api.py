@@ -15,7 +15,7 @@ import numpy as np
 
 from . import older_blender
 from .blocks.formats import BY_NAME, Purpose
-from .core import asset_limits, file_formats, foreach, map_types, naming, progress
+from .core import asset_limits, file_formats, map_types, naming, progress
 from .core.asset_limits import CRUMBS, HOLES, Mending, Wanted
 from .core.declarations import kinds
 from .core.declarations.all_settings import ASSET, DECLARED
@@ -629,7 +629,7 @@ def _arrays(report: Report, settings: Settings) -> dict[str, np.ndarray]:
         return {}
     images = {"normal": report.image} if settings.map.normal else {}
     images |= {name: how["image"] for name, how in report.maps.items()}
-    return {name: foreach.pixels(bpy.data.images[image]) for name, image in images.items()}
+    return {name: encoding.stored(bpy.data.images[image]) for name, image in images.items()}
 
 
 @contextmanager

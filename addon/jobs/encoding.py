@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..blocks.formats import BlockFormat, Purpose
+from ..core import foreach
 from ..core.errors import BakeError
 from ..engine.mip_levels import halved
 from ..output import atomic_file, containers, image_file, value_encoding
@@ -42,6 +43,14 @@ def encode(
 def shown(content: Container) -> np.ndarray:
     """The texels (H, W, 4) float32 that a GPU reads of the largest level, row 0 at v = 0."""
     return image_file.decoded(content)
+
+
+def stored(image: bpy.types.Image) -> np.ndarray:
+    """The texels (H, W, 4) float32 of an image as its file has them: of files of 16 bits, Blender makes colors linear."""
+    texels = foreach.pixels(image)
+    if image.source == "FILE" and image.is_float and image.colorspace_settings.name == value_encoding.SRGB:
+        texels[..., :3] = value_encoding.rounded(value_encoding.to_srgb(texels[..., :3]), 16)
+    return texels
 
 
 def absolute(output: str) -> str:

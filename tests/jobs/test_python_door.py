@@ -15,6 +15,7 @@ import pytest
 from addon import api
 from addon.api import BakeError, Surface
 from addon.core.settings import PART_OF
+from addon.output import image_file
 from tests.support import scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -157,6 +158,15 @@ def test_a_thread_is_told_where_to_call_and_changes_nothing():
     thread.join()
     assert "main thread" in said[0] and "memory" not in said[0] and "nowhere" not in said[0]
     assert snapshot.difference(before, snapshot.snapshot()) == {}
+
+
+@pytest.mark.parametrize(("ending", "depth"), [("png", 16), ("png", 8), ("tif", 16), ("exr", 16), ("exr", 32)])
+def test_maps_are_as_their_files(ending, depth, tmp_path):
+    half = replace(LOW, uv=LOW.uv * [0.4, 0.6])  # the rest has alpha 0
+    found = bake(half, maps=["base-color", "normal"], output=tmp_path / f"m.{ending}", depth=depth, margin=1)
+    files = [image_file.read(file) for file in found.files]
+    for texels in found.maps.values():
+        assert min(np.abs(texels - file).max() for file in files) < 1e-6
 
 
 @pytest.mark.parametrize("name", ["base-color", "Base Color", "basecolor", "base_color", "BASE_COLOR"])
