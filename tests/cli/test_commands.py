@@ -192,7 +192,7 @@ INVALID = {
     "folder for a map": ([*BAKE, "--output", "scene/"], "'scene/' is a folder: name a file. See --help."),
     "unknown option without a similar one": ([*BAKE, "--qqq", "--output", "m.png"], "unrecognized arguments: --qqq"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
-    "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
+    "format": ([*BAKE, "--output", "m.bmp"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
     "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
     "size 0, before the file is opened": (

@@ -15,7 +15,7 @@ from tests.support.manual import blocks, section
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.slow]
 PAGE = ROOT / "docs" / "uses.md"
 PROGRAM = "python3 scripts/imprint.py "
-SMALL = {"--size": "128", "--triangles": "200", "--distance": "2", "--workers": "1"}
+SMALL = {"--size": "128", "--triangles": "400", "--distance": "2", "--workers": "1"}
 """In place of what the page says, unless it is shares of a mesh."""
 
 
@@ -88,7 +88,7 @@ def test_generated_meshes(folder):
     bpy.context.object.data.shade_smooth()
     bpy.ops.export_scene.gltf(filepath="generated.glb", export_vertex_color="ACTIVE")
     assert run("## Generated meshes") == 2
-    for name, triangles in (("prop", 200), ("kept", 2 * 32 * 15)):
+    for name, triangles in (("prop", 400), ("kept", 2 * 32 * 15)):
         tree, _ = glb.parse(folder / "out" / f"{name}.glb")
         corners = tree["accessors"][tree["meshes"][0]["primitives"][0]["indices"]]["count"]
         assert corners / 3 == pytest.approx(triangles, abs=4)
