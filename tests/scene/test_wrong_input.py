@@ -221,7 +221,7 @@ OUTPUTS = {
     "folder": ("folder.png", 16, "is a folder"),
     "file in place of a folder": ("file.txt/map.png", 16, "Not a directory"),
     "name too long": ("m" * 300 + ".png", 16, "too long"),
-    "no image format": ("map.jpg", 8, "one of .png, .exr"),
+    "no image format": ("map.bmp", 8, "one of .png, .exr"),
     "no ending": ("map", 8, "one of .png, .exr"),
     "PNG in 32 bits": ("map.png", 32, "8 or 16 bits"),
     "OpenEXR in 8 bits": ("map.exr", 8, "16 or 32 bits"),
