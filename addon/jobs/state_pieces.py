@@ -18,7 +18,7 @@ from ..core.contents import short
 from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
 from ..core.map_types import BY_NAME, Family, Kind, Labeled, Range
 from ..core.material_feeds import ExactFeed, HighMaterial, ImageFeed
-from ..core.settings import Settings
+from ..core.settings import Settings, StorageSettings
 from ..mesh.cutouts import KEY
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -322,7 +322,7 @@ _READ = {
 """Settings that only choose what is read, which is hashed."""
 _BESIDE = {
     *("targets", "appearance", "limit", "mips", "low_suffix"),
-    *("material", "one_material", "single_user", "connect_maps"),
+    *("material", "one_material", "single_user", "connect_maps", "export_webp"),
 }
 """Settings of checks, and of what is done with the maps."""
 _SIZES = ("width", "height")
@@ -343,14 +343,17 @@ _OF_FAMILIES = {
 
 def deciding(settings: Settings) -> dict[str, Any]:
     """The settings that decide what the maps show and where they are, beside what is read; without those that others make
-    meaningless."""
+    meaningless. Those of compressors are lists, with what they mean for each map."""
+    stored = [each.storing for each in map_names.settings_by_map(settings.stored(dither=True)).values()]
     values = {name: value for name, value in settings.flat().items() if name not in _READ | _BESIDE}
-    for name in _meaningless(settings):
+    values["compression"] = [str(each.compression) for each in stored if each.is_blocks]
+    values["quality"] = [each.quality for each in stored if each.is_lossy and not each.is_blocks]
+    for name in _meaningless(settings, stored):
         values.pop(name, None)
     return values
 
 
-def _meaningless(settings: Settings) -> Iterator[str]:
+def _meaningless(settings: Settings, stored: Sequence[StorageSettings]) -> Iterator[str]:
     maps, tracing, sampling, storing = settings.map, settings.tracing, settings.sampling, settings.storing
     drawn = [BY_NAME[name] for name in maps.drawn_maps]
     families = {each.family for each in drawn}
@@ -368,11 +371,13 @@ def _meaningless(settings: Settings) -> Iterator[str]:
         yield from ("pack_red", "pack_green", "pack_blue", "pack_alpha")
     if drawn or not sampling.are_adaptive(tracing.method):
         yield "adaptive"
-    stored = [each.storing for each in map_names.settings_by_map(settings.stored(dither=True)).values()]
     if not any(each.dither and each.depth == 8 for each in stored):
         yield "dither"
     if storing.storage != Storage.FILE:
         yield from ("output", "alpha", "mip_files")
+    yield "lossy_normals"  # which decides the quality of one map
+    if any(each.is_blocks for each in stored):  # files of blocks have all levels
+        yield "mip_files"
     if not any(value_encoding.needs_range(each, storing) for each in drawn):
         yield "value_range"
     if not sampling.udim:
