@@ -102,9 +102,11 @@ def _new(vertices, faces):
     """An empty mesh of the class that this ComfyUI has."""
     try:
         from comfy_api.latest import Types
-    except ImportError:
+
+        kind = Types.MESH
+    except (ImportError, AttributeError):  # of 0.3, where a pack of nodes has the class
         return types.SimpleNamespace(vertices=vertices, faces=faces)
-    return Types.MESH(vertices, faces)
+    return kind(vertices, faces)
 
 
 def _by_vertex(answer):
