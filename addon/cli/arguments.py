@@ -410,9 +410,8 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     return run, options
 
 
-def read_check(words: Sequence[str], program: str) -> argparse.Namespace:
-    """The options of the bake to look at, which need no output. Raises WrongUsage."""
+def read_check(words: Sequence[str], program: str) -> tuple[RunOptions, argparse.Namespace]:
+    """The options of the run, and of the bake to look at, which need no output. Raises WrongUsage."""
     options = _of_bake(CHECK, words, program)
     options.output = options.output or f"{naming.LOW}.png"
-    check(options)
-    return options
+    return check(options), options

@@ -87,7 +87,11 @@ def _run(words: Sequence[str], program: str, meter: Meter, call: ThisCall, *, ma
         if command in (FARM, REPORT, MCP, GPU):
             return _without_bakes(command, words, program, meter, call)
         if command is CHECK:
-            options = arguments.read_check(words, program)
+            run, options = arguments.read_check(words, program)
+            if run.untrusted:
+                from . import check_in_sandbox
+
+                return check_in_sandbox.run(words, run, options)
             load_blender()
             from . import baker  # needs Blender
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..core.naming import printable
+from ..core.progress import BEGUN
 from ..output import atomic_file
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
@@ -21,6 +22,8 @@ ASK, END = "SIGUSR1", "SIGUSR2"
 LAUNCHER, BAKING, OUTPUT = "IMPRINT_LAUNCHER", "IMPRINT_BAKING", "IMPRINT_OUTPUT"
 """Environment variables with the process number of scripts/imprint.py, and the files for the current bake's name and for what
 Blender prints."""
+OF_LAUNCHER = (LAUNCHER, BAKING, OUTPUT, BEGUN)
+"""The variables by which a process knows the script that started it, which those that it starts must not."""
 
 
 class Stopped(Exception):

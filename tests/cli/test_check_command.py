@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from tests.support import scenes, spoiled, zoo
+from tests.support import scenes, spoiled, untrusted, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -28,6 +28,23 @@ def test_what_will_be_changed_is_printed(file, tmp_path, capsys):
     assert said.startswith("lo:\n  1,152 triangles in 1 connected parts")
     assert "1 of 1 parts, 25.0% of the faces, will be turned over" in said
     assert "Distance to the low mesh" in said
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@untrusted.needs_sandbox
+def test_untrusted_files_are_looked_at_in_the_sandbox(file, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(command, "load_blender", None)  # this process opens no file
+    before = sorted(tmp_path.iterdir())
+    words = ["check", file, "--low", "lo", "--untrusted", "--output-folder", str(tmp_path / "out")]
+    assert command.run([*words, "--high", "hi"]) == 0
+    assert "1 of 1 parts, 25.0% of the faces, will be turned over" in capfd.readouterr().out
+    assert command.run([*words, "--high=none"]) == 1
+    assert "none" in capfd.readouterr().err
+    assert command.run([*words, "--high", "hi", f"--input-folder={tmp_path / 'other'}"]) == 2
+    (tmp_path / "other").mkdir()
+    assert command.run([*words, "--high", "hi", f"--input-folder={tmp_path / 'other'}"]) == 2
+    assert "the only folder that --untrusted reads" in capfd.readouterr().err
+    (tmp_path / "other").rmdir()
     assert sorted(tmp_path.iterdir()) == before
 
 
