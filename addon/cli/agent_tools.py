@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..core.declarations import targets
 from ..core.file_formats import OPENED
 from ..core.naming import did_you_mean, printable
-from . import untrusted, worker_process
+from . import interruption, untrusted, worker_process
 from .commands import ASSET
 from .options import OPTIONS
 
@@ -232,7 +233,7 @@ OF_ASSETS = (*SETTINGS, *(name for name in ASSET.options if name not in SETTINGS
 def _run(place: Place, words: Sequence[str]) -> tuple[int, str, str]:
     """Run the command line in a process. Returns the exit code, and what was printed to each stream. Raises Refused."""
     command = [*worker_process.command()[:-1], *words]
-    environment = {name: value for name, value in os.environ.items() if name not in _OF_LAUNCHER}
+    environment = {name: value for name, value in os.environ.items() if name not in interruption.OF_LAUNCHER}
     try:
         done = subprocess.run(
             command,
@@ -256,12 +257,8 @@ def _run(place: Place, words: Sequence[str]) -> tuple[int, str, str]:
     return done.returncode, said, told
 
 
-_OF_LAUNCHER = ("IMPRINT_LAUNCHER", "IMPRINT_BAKING", "IMPRINT_OUTPUT", "IMPRINT_BEGUN")
-"""Variables of the process that started the server."""
-
-
-def _inputs(place: Place, given: Mapping[str, Any]) -> list[str]:
-    """The files, and the objects in them, as words."""
+def _inputs(place: Place, given: Mapping[str, Any], *, needs_low: bool = True) -> list[str]:
+    """The files, and the objects in them, as words. needs_low: whether a .blend needs the name of a low mesh."""
     words = []
     for title, option in (("files", ""), ("low_file", "--low-file="), ("high_files", "--high-file=")):
         names = given.get(title, [])
@@ -272,17 +269,18 @@ def _inputs(place: Place, given: Mapping[str, Any]) -> list[str]:
             words.append(option + path)
     if not words:
         raise Refused("No file is named: give files, or low_file and high_files.")
+    scenes = [name for name in given.get("files", ()) if ".blend" in Path(name).suffix.lower()]
+    if needs_low and scenes and not given.get("low"):
+        raise Refused(
+            f"low is missing: name the low mesh of {scenes[0]!r}; a wrong name is answered with those it has."
+        )
     named = [f"--low={given['low']}"] if given.get("low") else []
     return [*words, *named, *(f"--high={name}" for name in given.get("high", ()))]
 
 
 def _check(place: Place, given: dict[str, Any]) -> Answer:
-    if place.untrusted:
-        raise Refused(
-            "check opens files without a sandbox, which this server may not: bake at a size of 64, and read the report."
-        )
     words = [*_inputs(place, given), *_setting_words(given.get("options", {}), SETTINGS)]
-    code, said, told = _run(place, ["check", *words])
+    code, said, told = _run(place, ["check", *words, *place.sandbox()])
     return Answer(_cut("\n".join(filter(None, (said, told)))) or "Nothing was found.", is_error=code != 0)
 
 
@@ -296,7 +294,7 @@ def _asset(place: Place, given: dict[str, Any]) -> Answer:
     export = place.path(given["export"], "export", is_written=True)
     limits = [f"--{name}={given[name]}" for name in ("triangles", "degrees") if name in given]
     words = [f"--export={export}", *limits, *_maps(given), *_setting_words(given.get("options", {}), OF_ASSETS)]
-    return _baked(place, ["asset", *_inputs(place, given), *words], export)
+    return _baked(place, ["asset", *_inputs(place, given, needs_low=False), *words], export)
 
 
 def _maps(given: Mapping[str, Any]) -> list[str]:
@@ -341,9 +339,22 @@ def _short(bake: Mapping[str, Any]) -> dict[str, Any]:
     """What an agent has to know of a bake."""
     kept = {name: bake[name] for name in ("state", "error", "gate", "picture") if bake.get(name)}
     kept["files"] = [each["path"] for each in bake.get("files", ())]
-    measured = ("triangles", "coverage", "missed", "overlap", "deviation", "targets", "asset", "warnings")
-    reports = [{name: each[name] for name in measured if each.get(name)} for each in bake.get("reports", ())]
-    return kept | {"measured": reports}
+    measured = ("triangles", "coverage", "missed", "overlap", "deviation", "targets")
+    measured += ("appearance", "asset", "warnings")
+    reports = [{name: each[name] for name in measured if each.get(name, {}) != {}} for each in bake.get("reports", ())]
+    notes = [note for each in bake.get("reports", ()) for note in _other_green(each)]
+    return kept | {"measured": reports} | ({"notes": notes} if notes else {})
+
+
+def _other_green(report: Mapping[str, Any]) -> list[str]:
+    """A sentence for each program that reads another green than the map stores, so that it shows something else."""
+    green = report["settings"]["green"]
+    engines = [targets.BY_NAME[name] for name in report.get("targets", ())]
+    return [
+        f"{engine.label} reads green as {engine.green}, and this map has {green}: set the option green."
+        for engine in engines
+        if engine.green != green
+    ]
 
 
 def _report(place: Place, given: dict[str, Any]) -> Answer:

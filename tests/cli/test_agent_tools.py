@@ -7,14 +7,16 @@ import re
 import sys
 from pathlib import Path
 
+import anyio
 import pytest
+from mcp.client import Client
 
 from addon.cli import agent_tools, arguments, command, mcp_command
 from addon.cli.agent_tools import TOOLS, Place
 from addon.cli.commands import ASSET
 from addon.core.declarations.all_settings import DECLARED
 from addon.output import atomic_file
-from tests.support import scenes, zoo
+from scripts.agent import tasks
 
 MESHES = {"files": ["a.obj", "b.ply"]}
 
@@ -83,12 +85,13 @@ def test_an_asset_is_a_call_of_the_command_line(place, ran):
 def test_untrusted_files_are_baked_in_the_sandbox(place, ran):
     place = Place(place.root, untrusted=True)
     assert agent_tools.call(place, "bake", {**MESHES, "output": "x.png"}).is_error
-    assert agent_tools.call(place, "check", MESHES).is_error
     assert ran == []
     agent_tools.call(place, "bake", {**MESHES, "output": "out/x.png"})
-    options = arguments.parse(ran[0], "imprint")
-    assert options.untrusted
-    assert (options.input_folder, options.output_folder) == (place.root, os.path.join(place.root, "out"))
+    agent_tools.call(place, "check", {**MESHES, "low": "a"})
+    _, checked = arguments.read_check(ran[1][1:], "imprint check")
+    for options in (arguments.parse(ran[0], "imprint"), checked):
+        assert options.untrusted
+        assert (options.input_folder, options.output_folder) == (place.root, os.path.join(place.root, "out"))
 
 
 @pytest.mark.parametrize(
@@ -222,46 +225,33 @@ def test_the_skill_names_tools_and_settings_that_are_there():
     named = set(re.findall(r"`(\w[\w-]*)`", text))
     assert {*TOOLS} <= named
     arguments = {name for tool in TOOLS.values() for name in tool.properties}
-    measured = {"warnings", "missed", "overlap", "targets", "messages", "deviation"}
+    measured = {"warnings", "missed", "overlap", "targets", "messages", "deviation", "notes", "appearance"}
     values = {"unreal", "unity", "godot", "three"}
     assert named - {*TOOLS} - arguments - {*agent_tools.OF_ASSETS} - measured - values == set()
     assert values <= {item.value.lower() for item in DECLARED["targets"].items}
-    for task in json.loads((AGENT / "tasks.json").read_text(encoding="utf-8")):
-        assert task["task"].endswith((".", "?")) and {*task["calls"]} <= {*TOOLS}
+    for task in tasks.TASKS:
+        assert task["task"].endswith((".", "?")) and {name for name, _ in task["calls"]} <= {*TOOLS}
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("gpu_context")
-def test_a_client_of_the_kit_bakes(tmp_path):
-    """By the SDK's own client, over the standard streams of a process."""
-    anyio = pytest.importorskip("anyio")
-    pytest.importorskip("mcp_types")
-    from mcp.client import Client
-    from mcp.client.stdio import StdioServerParameters, stdio_client
-
-    zoo.plane("lo")
-    zoo.plane("hi", slope=0.1)
-    scenes.save(tmp_path / "s.blend")
-    words = [str(Path(mcp_command.__file__).parents[2] / "scripts" / "bake.py"), "--", "mcp", "--root", str(tmp_path)]
+def test_a_client_of_the_kit_does_the_tasks(tmp_path):
+    """Over the standard streams of a process. Assets take long: `scripts/agent/tasks.py FOLDER --play` does all ten."""
+    tasks.make_files(tmp_path)
+    chosen = [task for task in tasks.TASKS if "asset" not in {name for name, _ in task["calls"]}]
 
     async def talk():
-        server = StdioServerParameters(command=sys.executable, args=words, env=dict(os.environ))
-        async with Client(stdio_client(server)) as client:
-            tools = await client.list_tools()
-            assert [tool.name for tool in tools.tools] == list(TOOLS)
-            given = {"files": ["s.blend"], "low": "lo", "high": ["hi"]}
-            seen = await client.call_tool("check", given)
-            assert not seen.is_error and "connected parts" in seen.content[0].text
-            done = await client.call_tool("bake", {**given, "output": "out/m.png", "size": "64"})
-            assert not done.is_error, done.content
-            result = json.loads(done.content[0].text)
-            assert result["files"] == [str(tmp_path / "out" / "m.png")]
-            shown = await client.call_tool("picture", {"path": result["picture"]})
-            assert shown.content[1].mime_type == "image/png" and not shown.is_error
-            part = await client.call_tool("report", {"reports": [result["report"]], "key": "bakes.0.state"})
-            assert json.loads(part.content[0].text) == "done"
-            for wrong in ({"output": 3}, {"output": "../x.png", **given}):
-                refused = await client.call_tool("bake", wrong)
-                assert refused.is_error and "Traceback" not in refused.content[0].text
+        return [(task["task"], left) async for task, left in tasks.played(tmp_path, chosen)]
 
-    anyio.run(talk)
+    assert anyio.run(talk) == [(task["task"], []) for task in chosen]
+
+
+def test_the_server_names_the_tools():
+    async def talk():
+        async with Client(mcp_command.server(Place("/"))) as client:
+            listed = await client.list_tools()
+            refused = await client.call_tool("bake", {"output": 3})
+            return listed.tools, refused
+
+    listed, refused = anyio.run(talk)
+    assert [(tool.name, tool.input_schema) for tool in listed] == [(name, each.schema) for name, each in TOOLS.items()]
+    assert refused.is_error and refused.content[0].text == "output: 3 is no string."
