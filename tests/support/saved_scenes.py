@@ -98,7 +98,7 @@ def bake(kind: str) -> None:
         own(kind, low, high)
         return
     if kind == "file elsewhere" and images_of(kind, bpy.data.images.keys()):
-        scene.imprint.output = scene.imprint.output.replace("1", "2")  # the file of the first bake stays
+        scene.imprint.output = scene.imprint.output.replace("/1/{low}", "/2/{low}")  # the file of the first bake stays
     press("bake")
 
 
