@@ -15,8 +15,10 @@ from tests.support.manual import blocks, section
 pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.slow]
 PAGE = ROOT / "docs" / "uses.md"
 PROGRAM = "python3 scripts/imprint.py "
-SMALL = {"--size": "128", "--triangles": "400", "--distance": "2", "--workers": "1"}
+SMALL = {"--size": "64", "--rays": "16", "--triangles": "400", "--distance": "2", "--levels": "1", "--workers": "1"}
 """In place of what the page says, unless it is shares of a mesh."""
+ALWAYS = ("--size", "--rays")
+"""Those of them that each command gets, also where the page has the defaults: maps of 2048, and 128 rays."""
 
 
 def commands(heading):
@@ -28,6 +30,8 @@ def commands(heading):
             for option, value in SMALL.items():
                 if option in words and "%" not in line:
                     words[words.index(option) + 1] = value
+                elif option in ALWAYS and option not in words:
+                    words += [option, value]
             yield words[words[:1] == ["bake"] :]
 
 
