@@ -103,6 +103,8 @@ MOST = 8
 """The states that a low object keeps."""
 SUMS = 4
 """The weighted sums that are kept of UVs which a modifier makes."""
+EXACT = 2
+"""The length of a key of UVs that are the same only to the bit, and where those of others are alike."""
 _CHUNK = 1 << 16
 """UVs that are summed at once."""
 
@@ -113,10 +115,9 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     settings = request.asked
     low = meshes.low if meshes.whole is None else meshes.whole
     is_made = not meshes.is_own_base and _is_made(request.job.low)
-    key = _of_mesh(low, labels=settings.map.texture_sets, is_made=is_made)
+    key = _of_mesh(low, smooth=meshes.smooth_normals, labels=settings.map.texture_sets)
     _add(pieces, MESH, low.name, short([key, "base"]) if meshes.is_own_base else key)
-    if is_made:
-        _add(pieces, UVS, low.name, of_made_uvs(_all_uvs(low)))
+    _add(pieces, UVS, low.name, _of_uvs(low, is_made=is_made))
     boxed = [name for name in settings.map.drawn_maps if BY_NAME[name].range is Range.BOX]  # points, also as floats
     is_of_world = settings.map.space == Space.WORLD and bool(boxed)
     is_of_world = is_of_world or any(map(_looks_around, meshes.materials))
@@ -130,12 +131,11 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     numbered = []
     for number, mesh in enumerate((*meshes.highs, *([meshes.cage] if meshes.cage else []))):
         is_made = number >= len(objects) or _is_made(objects[number])
-        key = _of_mesh(mesh, is_made=is_made)
+        key = _of_mesh(mesh)
         _add(pieces, MESH, mesh.name, short([key, _of_object(owners[number])]) if number < len(owners) else key)
-        if is_made:
-            _add(pieces, UVS, mesh.name, of_made_uvs(_all_uvs(mesh)))
-        place = short(_place(mesh, low))
-        numbered.append([key, place])
+        uvs, place = _of_uvs(mesh, is_made=is_made), short(_place(mesh, low))
+        _add(pieces, UVS, mesh.name, uvs)
+        numbered.append([key, "" if is_made else uvs, place])
         _add(pieces, PLACE, mesh.name, place)
         if mesh.is_floater and any(BY_NAME[name].family is Family.OPENNESS for name in settings.map.drawn_maps):
             _add(pieces, MESH, f"{mesh.name} (floater)", "1")
@@ -215,8 +215,19 @@ def _is_uvs(mesh: Mesh, key: tuple) -> bool:
     return key != KEY and mesh.layers[key].ndim == 2 and mesh.layers[key].shape[1] == 2
 
 
+def _of_uvs(mesh: Mesh, *, is_made: bool) -> str:
+    """The key of the UVs of a mesh, which `are_same_uvs` compares. is_made: whether modifiers make them."""
+    uvs = _all_uvs(mesh)
+    return of_made_uvs(uvs) if is_made else of_uvs(uvs)
+
+
+def of_uvs(uvs: np.ndarray | None) -> str:
+    """The key of UVs (C, 2) that are the same only to the bit."""
+    return "-" if uvs is None or not len(uvs) else json.dumps([content_keys.of_array(uvs), len(uvs)])
+
+
 def of_made_uvs(uvs: np.ndarray | None) -> str:
-    """The key of UVs (C, 2) that modifiers make, which `are_same_uvs` compares: Bevel's differ in their last bit each time."""
+    """The key of UVs (C, 2) that modifiers make: Bevel's differ in their last bit each time."""
     if uvs is None or not len(uvs):
         return "-"
     weights = np.random.default_rng(1).uniform(-1.0, 1.0, (_CHUNK * 2, SUMS))
@@ -234,22 +245,34 @@ def of_made_uvs(uvs: np.ndarray | None) -> str:
 
 
 def are_same_uvs(then: str, now: str) -> bool:
-    """Whether two keys of made UVs are of the same ones, but for the last bit of some."""
+    """Whether two keys are of the same UVs; but for the last bit of some, if modifiers make both."""
     if then == now or "-" in {then, now}:
         return then == now
-    (_, count, most, *before), (_, count_now, _, *after) = json.loads(then), json.loads(now)
+    before, after = json.loads(then), json.loads(now)
+    if min(len(before), len(after)) == EXACT:
+        return before[:EXACT] == after[:EXACT]
+    (_, count, most, *before), (_, count_now, _, *after) = before, after
     # Seven sigma of a last bit that turns in each value, below 1: what a change of one UV by 1e-3 exceeds up to millions.
     rounding = 1.5 * np.finfo(np.float32).eps * max(1.0, most) * np.sqrt(count)
     return count == count_now and bool(np.abs(np.subtract(before, after)).max() < rounding)
 
 
-def _of_mesh(mesh: Mesh, *, labels: bool = True, is_made: bool = False) -> str:
-    """The key of a mesh. is_made: whether its UVs have a piece of their own."""
-    names = ["positions", "vertices", "normals", "triangles"]
-    names += [name for name, counts in (("uv", not is_made), ("labels", labels)) if counts]
-    counted = [key for key in sorted(mesh.layers) if key != KEY and not (is_made and _is_uvs(mesh, key))]
-    layers = [[*key, _crc(mesh.layers[key])] for key in counted]
-    facts = [mesh.normals_domain, mesh.not_finite, mesh.without_normals, mesh.instances]
+def _of_mesh(mesh: Mesh, *, smooth: np.ndarray | None = None, labels: bool = True) -> str:
+    """The key of a mesh without its UVs, which have a piece of their own.
+
+    Args:
+        smooth: The vertex normals of a low mesh. Of a high one, it counts who computes its normals: they are computed anew
+            where faces are turned over or vertices joined.
+    """
+    names = ["positions", "vertices", "normals", "triangles", *(["labels"] if labels else [])]
+    counted = [key for key in sorted(mesh.layers) if key != KEY]
+    layers = [[*key, [] if _is_uvs(mesh, key) else _crc(mesh.layers[key])] for key in counted]
+    facts = [
+        mesh.normals_domain if smooth is None else _crc(smooth),
+        mesh.not_finite,
+        mesh.without_normals,
+        mesh.instances,
+    ]
     return short([mesh.checksums(*names), layers, facts])
 
 

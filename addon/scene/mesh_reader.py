@@ -21,6 +21,8 @@ from . import mesh_writer, steady_tangents
 
 SHORTEST = 1e-18
 """The length below which a normal has no direction: shaders square it, and the square is no single-precision number."""
+ROUNDING = 1e-6
+"""How much vertex normals differ at most, as means of normals that are all the same."""
 LARGE = 2**25
 """Face corners. Smaller meshes are read without copies: Blender then keeps their normals for the next bake."""
 
@@ -191,7 +193,21 @@ def _filled(normals: np.ndarray, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
     """The vertex normals of `mesh`, which was read from `data`: (C, 3) float32, by corner. They ignore hard edges."""
     normals = foreach.vectors(data.vertex_normals)[mesh.vertices]
+    if not mesh.normals_domain:
+        normals = _without_rounding(normals, mesh)
     return _filled(normals, mesh)[0] if mesh.without_normals else normals
+
+
+def _without_rounding(normals: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """Vertex normals by corner (C, 3), of which those are the corners' own that differ from them by rounding alone: of custom
+    normals, Blender gives the mean, also of equal ones."""
+    own = np.empty_like(mesh.positions)
+    own[mesh.vertices] = mesh.normals
+    own = own[mesh.vertices]
+    is_other = (own != mesh.normals).any(axis=1) | (np.abs(own - normals) > ROUNDING).any(axis=1)
+    is_mean = np.zeros(len(mesh.positions), bool)
+    is_mean[mesh.vertices[is_other]] = True
+    return np.where(is_mean[mesh.vertices][:, None], normals, own)
 
 
 def with_tangents(

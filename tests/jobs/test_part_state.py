@@ -314,13 +314,43 @@ def test_maps_stay_true_through_saving_and_tell_edits(storage, tmp_path):
     assert found(job, settings) == [f"the image {image.name!r} was edited"]
 
 
-def test_what_moves_no_point_and_still_changes_a_map(tmp_path):
-    """Normals that an object has of its own are taken otherwise than those that Blender computes, also if they are the same."""
+def test_normals_of_its_own_that_are_the_same_change_no_low_object(tmp_path):
     part = part_edits.make("curve", tmp_path, 1)
     before = part.bake()
     part.object(part_edits.LOW).modifiers.new("Normals", "WEIGHTED_NORMAL")
-    assert part.changes() == [f"the mesh of '{part_edits.LOW}'"]
-    assert not part_edits.is_same(before, part.bake())
+    assert part.changes() == []
+    assert part_edits.is_same(before, part.bake())
+
+
+def test_what_moves_no_point_and_still_changes_a_map(monkeypatch):
+    """Vertex normals, along which rays leave, also where those of corners stay."""
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    read = part_state.read_meshes
+
+    def turned(context, request):
+        meshes = read(context, request)
+        return replace(meshes, smooth_normals=np.nextafter(meshes.smooth_normals, np.float32(2.0)))
+
+    monkeypatch.setattr(part_state, "read_meshes", turned)
+    assert found(job, settings) == ["the mesh of 'brick_low'"]
+
+
+def test_normals_of_their_own_count_of_what_may_be_turned_over(tmp_path):
+    part = part_edits.make("shape keys", tmp_path, 1)
+    part.bake()
+    part.object(part_edits.HIGH).modifiers.new("Normals", "WEIGHTED_NORMAL")
+    assert part.changes() == [f"the mesh of '{part_edits.HIGH}'"]
+
+
+def test_uvs_count_to_the_bit_unless_modifiers_make_them_both_times():
+    uvs = np.random.default_rng(3).random((30, 2)).astype(np.float32)
+    turned = np.nextafter(uvs, np.float32(2.0))
+    exact, made = state_pieces.of_uvs, state_pieces.of_made_uvs
+    assert state_pieces.are_same_uvs(exact(uvs), made(uvs)) and state_pieces.are_same_uvs(made(uvs), exact(uvs))
+    assert state_pieces.are_same_uvs(made(turned), made(uvs))
+    for then, now in ((exact(turned), exact(uvs)), (exact(turned), made(uvs)), (made(turned), exact(uvs))):
+        assert not state_pieces.are_same_uvs(then, now)
 
 
 def test_colors_count_where_a_map_reads_them(tmp_path):
