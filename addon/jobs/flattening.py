@@ -27,8 +27,9 @@ ANGLES, STRETCH = "ANGLE_BASED", "MINIMUM_STRETCH"
 ITERATIONS, FEWEST, MANY = 12, 6, 15000
 """Of the second way: 40 leave no less stretch that shows. Fewer for many faces, but at least the second number, so that both
 multiplied are at most the third one: a step must be short, and of large charts little stretch is left."""
-AT_ONCE = 3000
-"""Faces that Blender unwraps in one step, about."""
+AT_ONCE, MOST = 2000, 4000
+"""Faces that Blender unwraps in one step, about, and those of a chart, at most: an operator answers no Esc. Charts of more
+faces are only projected."""
 LEAST = 0.002
 """The share of a chart's area that stretch costs and that does not count."""
 MIRRORINGS = 3
@@ -116,14 +117,16 @@ class Flattener:
         side: float = np.inf,
         is_draft: bool = False,
     ) -> Task[Flattened]:
-        """As `flattened`; charts that fold, overlap or are longer than `side` are halved until none is."""
+        """As `flattened`; charts that fold, overlap or are longer than `side` are halved until none is, and so are charts of
+        too many faces whose stretch counts."""
         result = yield from part(self.flattened(labels, seams, known, is_draft=is_draft), 0.0, 0.5)
         left = 0.5
         for number in range(HALVINGS + 1):
             yield Progress("Unwrapping", 1.0 - left)
             bad = result.is_bad
             is_long = self._extents(result) > np.where(self.charts.is_flat(result.labels), 2.0, 1.0) * side
-            wrong = (bad | is_long) & (np.bincount(result.labels) > 1)
+            sizes = np.bincount(result.labels)
+            wrong = (bad | is_long | (self._is_stretched(result) & (sizes > MOST))) & (sizes > 1)
             if not wrong.any():
                 break
             if number < HALVINGS:
@@ -231,6 +234,7 @@ class Flattener:
 
     def _unwrapped(self, before: Flattened, chosen: np.ndarray, method: str) -> Task[Flattened]:
         """With some charts unwrapped by Blender, where that is better."""
+        chosen = chosen & (np.bincount(before.labels) <= MOST)
         faces = np.flatnonzero(chosen[before.labels] & self._has_triangles)
         if not len(faces):
             return before

@@ -8,6 +8,7 @@ import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bmesh
 import bpy
@@ -16,7 +17,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..core import foreach
 from ..core.errors import BakeError
-from ..core.progress import Progress, Task, finish, part
+from ..core.progress import Progress, Task, aside, finish, part
 from ..core.settings import SamplingSettings, Settings
 from ..mesh import topology, uv_charts, uv_islands, uv_packing, uv_stacks, uv_stretch
 from ..mesh.edges import is_without_area
@@ -27,7 +28,7 @@ from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader, object_checks
 from ..scene.object_checks import ObjectRef
-from . import temporary
+from . import flattening, temporary
 from .flattening import Flattened, Flattener, editing
 
 NAME = "UVMap"
@@ -311,17 +312,20 @@ class _Unwrapping:
 
     def _levels(self, last: tuple[float, ...], *, is_draft: bool) -> Task[list[Flattened]]:
         """Charts that grow, from level to level. last: the last steps. is_draft: whether projections do for the first level."""
-        charts, steps = self._flattener.charts, (*STIFF, *last)
-        yield Progress("Unwrapping", 0.0)
-        labels = charts.grown(charts.flat(), steps[0], is_stiff=True)
-        yield Progress("Unwrapping", 0.0)
-        labels = charts.whole(charts.straightened(labels, steps[0]))
-        levels = [(yield from part(self._flattener.sound(labels, is_draft=is_draft), 0.0, 1.0 / len(steps)))]
-        for done, stretch in enumerate(steps[1:], 1):
-            yield Progress("Unwrapping", done / len(steps))
-            labels = charts.grown(levels[-1].labels, stretch, is_stiff=done < len(STIFF))
-            here, there = done / len(steps), (done + 1) / len(steps)
-            levels.append((yield from part(self._flattener.flattened(labels, known=levels[-1]), here, there)))
+        charts, steps, levels = self._flattener.charts, (*STIFF, *last), []
+        labels = charts.flat()
+        for done, stretch in enumerate(steps):
+            step = Progress("Unwrapping", done / len(steps))
+            grown = partial(charts.grown, labels, stretch, is_stiff=done < len(STIFF), most=flattening.MOST)
+            labels = yield from aside(grown, step)
+            yield step
+            if levels:
+                work = self._flattener.flattened(labels, known=levels[-1])
+            else:
+                labels = charts.whole(charts.straightened(labels, stretch))
+                work = self._flattener.sound(labels, is_draft=is_draft)
+            levels.append((yield from part(work, done / len(steps), (done + 1) / len(steps))))
+            labels = levels[-1].labels
         return levels
 
     def _best_parts(self, levels: list[Flattened], price: float) -> Unwrapped:

@@ -183,10 +183,16 @@ class Charts:
         lengths = np.linalg.norm(sums, axis=1, keepdims=True)
         return sums / np.where(lengths > 0.0, lengths, 1.0)
 
-    def grown(self, labels: np.ndarray, stretch: float, *, is_stiff: bool = False) -> np.ndarray:
-        """Labels of charts joined as long as it pays. stretch: how much it counts. is_stiff: whether to count all bends as
-        stretch, as if charts were projected, so that they are rather round."""
-        growth = _Growth(self, labels, is_stiff=is_stiff)
+    def grown(self, labels: np.ndarray, stretch: float, *, is_stiff: bool = False, most: float = np.inf) -> np.ndarray:
+        """Labels of charts joined as long as it pays.
+
+        Args:
+            labels: (F,) int from 0.
+            stretch: how much it counts.
+            is_stiff: whether to count all bends as stretch, as if charts were projected, so that they are rather round.
+            most: faces of joined charts.
+        """
+        growth = _Growth(self, labels, is_stiff=is_stiff, most=most)
         while growth.join(stretch):
             pass
         return numbered(growth.of[labels])[1]
@@ -414,8 +420,9 @@ class _Growth:
         of: (N,) int, of the charts at the start, which chart it is now.
     """
 
-    def __init__(self, charts: Charts, labels: np.ndarray, *, is_stiff: bool = False):
-        self._bend = _tilt if is_stiff else _bend
+    def __init__(self, charts: Charts, labels: np.ndarray, *, is_stiff: bool = False, most: float = np.inf):
+        self._bend, self._most = _tilt if is_stiff else _bend, most
+        self._sizes = np.bincount(labels)
         self._stays = charts.is_plate(labels)  # others would have to be cut where they meet it
         self.charts, count = charts, int(labels.max(initial=-1)) + 1
         self.of = np.arange(count)
@@ -473,7 +480,7 @@ class _Growth:
         gains = self._prices / (1.0 + self._spikes) - stretch * costs
         degree = np.bincount(self._pairs.reshape(-1), minlength=len(self._sums))
         gains[(degree[one] == 1) & (degree[other] == 1) & (self._rims[one] + self._rims[other] == 0.0)] = 0.0
-        gains[self._stays[one] | self._stays[other]] = 0.0
+        gains[self._stays[one] | self._stays[other] | (self._sizes[one] + self._sizes[other] > self._most)] = 0.0
         good = np.flatnonzero(gains > 0.0)
         if not len(good):
             return False
@@ -495,7 +502,7 @@ class _Growth:
         self._sums = sums_of(new, self._sums, len(kept))
         self._inner = np.bincount(new, inner_of, len(kept))
         self._rims = np.bincount(new, self._rims, len(kept))
-        self._stays = self._stays[kept]
+        self._stays, self._sizes = self._stays[kept], np.bincount(new, self._sizes, len(kept))
         self._pairs, self._at = new[self._pairs], new[self._at]
         self._settle()
         return True

@@ -205,6 +205,28 @@ def test_the_copy_of_a_mesh_is_unwrapped_in_small_steps(monkeypatch):
     assert len(sizes) > 2 and max(sizes) < 100
 
 
+def test_no_chart_of_too_many_faces_is_unwrapped_by_blender(monkeypatch):
+    """Nor is one taken that is projected with stretch: both the charts and the mesh's seams are cut further."""
+    monkeypatch.setattr(flattening, "AT_ONCE", 1)
+    monkeypatch.setattr(flattening, "MOST", 12)
+    sizes, unwrapped = [], flattening.Flattener._by_blender
+    monkeypatch.setattr(
+        flattening.Flattener,
+        "_by_blender",
+        lambda self, faces, *rest: sizes.append(len(faces)) or unwrapped(self, faces, *rest),
+    )
+    low = zoo.terrain("lo", 6, height=0.8)
+    work = unwrapping._Unwrapping(low, unwrapping._read(low), SETTINGS.sampling)
+    whole = finish(work._flattener.sound(np.zeros(36, int)))
+    levels = finish(work._levels(unwrapping.COARSE, is_draft=False))
+    assert sizes and max(sizes) <= 12
+    assert len(whole.stretch) >= 3 and np.bincount(whole.labels).max() <= 12 and not whole.is_bad.any()
+    assert max(np.bincount(level.labels).max() for level in levels) <= 12
+    plane = zoo.plane("plane", 6)
+    work = unwrapping._Unwrapping(plane, unwrapping._read(plane), SETTINGS.sampling)
+    assert len(finish(work._flattener.sound(np.zeros(36, int))).stretch) == 1  # flat charts may have any number
+
+
 def test_seams_of_the_mesh_are_tried_and_stay(monkeypatch):
     monkeypatch.setattr(unwrapping, "STEPS", (1000.0,))  # many charts: the seams are better
     low = bare(zoo.terrain("lo", 6, height=0.8))

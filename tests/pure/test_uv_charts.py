@@ -297,6 +297,19 @@ def test_charts_are_fewer_where_stretch_counts_less():
     assert counts == sorted(counts, reverse=True) and counts[0] > 3 * counts[-1]
 
 
+@pytest.mark.parametrize("most", [8, 40, 100])
+def test_charts_grow_to_the_most_faces(most):
+    """Those of a flat grid, whose stretch limits none."""
+    points, triangles = flat(10, 10)
+    charts = Charts(points, triangles, ChartOptions(MARGIN))
+    labels = charts.grown(np.arange(charts.count), 1.0, most=most)
+    sizes = np.bincount(labels)
+    assert most / 2 < sizes.max() <= most
+    one, other = labels[charts._sides].T
+    apart = one != other
+    assert (sizes[one[apart]] + sizes[other[apart]] > most).all()
+
+
 def most_stretch(bend, wanted=None):
     """How much stretch may count so that two panels are joined that meet at an angle, in degrees: a ridge if positive."""
     angle = np.radians(bend)
