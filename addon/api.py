@@ -26,7 +26,7 @@ from .core.naming import Suffixes, did_you_mean
 from .core.progress import Pace, Progress
 from .core.report import Report
 from .core.settings import PART_OF, Settings
-from .jobs import Job, bake_all, bake_jobs, encoding, unwrapping
+from .jobs import Job, bake_all, bake_jobs, encoding, unwrapping, uv_density
 from .jobs import asset as game_asset
 from .scene import importing, mesh_reader, mesh_writer, new_datablocks
 
@@ -181,6 +181,7 @@ def asset(
     levels: int = 0,
     own_textures: bool = False,
     stack_mirrored: bool = False,
+    density_group: str = "",
     crumbs: float = CRUMBS,
     holes: float = HOLES,
     symmetry: str = "auto",
@@ -203,6 +204,7 @@ def asset(
         levels: how many levels of detail follow, each with half the triangles of the one before it, or twice its limits.
         own_textures: whether each level has UVs and maps of its own.
         stack_mirrored: whether mirrored halves and equal parts have the same UVs.
+        density_group: a vertex group whose mean weight on a UV island scales its texel density: 0 halves it, 1 doubles it.
         crumbs: the size in percent of the largest part below which parts are left out; 0 for none.
         holes: the size in percent of the largest part below which holes are filled; 0 for none.
         symmetry: "x", "y" or "z" for a low mesh that equals its mirror image, "auto" if the high mesh does, or "none".
@@ -226,7 +228,7 @@ def asset(
         "holes": holes,
     }
     ways = {"levels": levels, "own_textures": own_textures, "stack_mirrored": stack_mirrored, "symmetry": symmetry}
-    wanted = _wanted(texts, ways | {"quads": quads, "keep": keep})
+    wanted = _wanted(texts, ways | {"quads": quads, "keep": keep, "density_group": density_group})
     asked = _settings(names, asset_limits.SIZES[1] if wanted.finds_size else size, output, settings)
     angle, sources = _ANGLE.coerced(smooth_files), _listed(high)
     if not sources:
@@ -249,6 +251,7 @@ def unwrap(
     *,
     size: int | tuple[int, int] = 1024,
     stack_mirrored: bool = False,
+    density_group: str = "",
     on_progress: Callable[[Progress], None] | None = None,
     **settings: Any,
 ) -> Surface:
@@ -259,6 +262,7 @@ def unwrap(
         size: of the maps that it is for, as for `bake`: it decides how far islands lie apart.
         settings: as for `bake`, of which `margin` and `mips` count.
         stack_mirrored: whether mirrored halves and equal parts have the same UVs.
+        density_group: as for `asset`.
         on_progress: as for `bake`.
 
     Returns:
@@ -269,10 +273,11 @@ def unwrap(
     """
     _check_call("unwrap", on_progress)
     sampling = _settings({"normal": "NORMAL"}, size, "", settings).sampling
-    stacks = replace(ASSET[_WAYS["stack_mirrored"]], label="stack_mirrored").coerced(stack_mirrored)
+    way = _ways({"stack_mirrored": stack_mirrored, "density_group": density_group})
     with _nothing_left() as made_by_caller:
         obj = _only(_objects(mesh, "mesh"), "mesh")
-        work = unwrapping.find(obj, sampling, stacks=stacks)
+        weights = uv_density.of_mesh(obj, way["density_group"])
+        work = unwrapping.find(obj, sampling, stacks=way["stack_mirrored"], weights=weights)
         found = progress.finish(work, made_by_caller(on_progress) if on_progress else None)
         return _surface(obj, found.uv)
 
@@ -389,15 +394,20 @@ def _check_call(name: str, on_progress: Any) -> None:
 
 _WAYS = {
     name: f"asset_{'keeps' if name == 'keep' else name}"
-    for name in ("levels", "own_textures", "stack_mirrored", "symmetry", "quads", "keep")
+    for name in ("levels", "own_textures", "stack_mirrored", "symmetry", "quads", "keep", "density_group")
 }
 """The declarations of arguments of an asset."""
+
+
+def _ways(ways: dict[str, Any]) -> dict[str, Any]:
+    """Checked values of ASSET. Raises BakeError."""
+    return {name: replace(ASSET[_WAYS[name]], label=name).coerced(value) for name, value in ways.items()}
 
 
 def _wanted(texts: dict[str, Any], ways: dict[str, Any]) -> Wanted:
     """The limits of an asset. texts: numbers or texts, by their names; ways: values of ASSET. Raises BakeError."""
     text = {name: _text(value) for name, value in texts.items()}
-    way = {name: replace(ASSET[_WAYS[name]], label=name).coerced(value) for name, value in ways.items()}
+    way = _ways(ways)
     if way["keep"] and text["triangles"]:
         raise BakeError("keep: the mesh keeps all its triangles. Leave out `triangles`.")
     return Wanted.of_texts(
@@ -411,6 +421,7 @@ def _wanted(texts: dict[str, Any], ways: dict[str, Any]) -> Wanted:
         stacks_mirrored=way["stack_mirrored"],
         quads=way["quads"],
         keeps=way["keep"],
+        density_group=way["density_group"],
     )
 
 

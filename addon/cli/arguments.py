@@ -392,7 +392,8 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     try:
         mending = asset_limits.Mending.of_texts(own.crumbs, own.holes, own.symmetry)
         ways = {"owns_textures": own.own_textures, "keeps": own.keep, "stacks_mirrored": own.stack_mirrored}
-        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, quads=own.quads, **ways)
+        ways |= {"quads": own.quads, "density_group": own.density_group}
+        wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, **ways)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
     if own.keep and own.triangles:

@@ -193,6 +193,11 @@ ASSET = Command(
                 "Unwrap mirrored halves and equal parts onto the same place of the UV map",
                 {"action": "store_true"},
             ),
+            "density-group": CommandOption(
+                "Vertex group whose mean weight on a UV island scales its texel density: 0 halves it, 0.5 changes nothing, 1 "
+                "doubles it",
+                {"default": "", "metavar": "NAME"},
+            ),
             "crumbs": CommandOption(
                 "Leave out parts below this share of the largest one, and floating ones below 6 times it; 0 keeps all",
                 {"default": str(CRUMBS), "metavar": "PERCENT"},

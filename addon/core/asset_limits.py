@@ -81,6 +81,7 @@ class Wanted:
         quads: Whether low meshes are of quads.
         keeps: Whether the high mesh itself gets UVs and maps, and no low one is made.
         stacks_mirrored: Whether mirrored and equal parts share their place in the UV map.
+        density_group: The vertex group whose weights scale the texel density of UV islands; empty for none.
     """
 
     degrees: float = math.inf
@@ -95,6 +96,7 @@ class Wanted:
     keeps: bool = False
     stacks_mirrored: bool = False
     quads: bool = False
+    density_group: str = ""
 
     @classmethod
     def of_texts(
@@ -111,6 +113,7 @@ class Wanted:
         keeps: bool = False,
         stacks_mirrored: bool = False,
         quads: bool = False,
+        density_group: str = "",
     ) -> "Wanted":
         """The limits in texts, each of which may be empty. size: AUTO, texels a meter with A_METER, or anything else.
         distance: in percent. Raises BakeError."""
@@ -128,7 +131,7 @@ class Wanted:
             raise BakeError(f"{density:g} texels a meter show nothing: give a number above 0.")
         is_count_given = is_count_given and bool(triangles.strip())
         limits = angle, round(most), word == AUTO, far, levels, density, is_count_given
-        result = cls(*limits, mending, owns_textures, keeps, stacks_mirrored, quads)
+        result = cls(*limits, mending, owns_textures, keeps, stacks_mirrored, quads, density_group)
         result.check()
         return result
 

@@ -6,7 +6,7 @@ The search bakes each low mesh and compares it with the high mesh from all sides
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,7 +29,7 @@ from ..output import datablocks
 from ..output.atomic_file import all_or_none
 from ..scene import evaluation, mesh_reader
 from ..scene.object_checks import ObjectRef
-from . import bake_jobs, low_material, temporary, unwrapping
+from . import bake_jobs, low_material, temporary, unwrapping, uv_density
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
 from .simplify import appearance_judge, decimation, high_surface, quad_meshes, shared_levels
 from .simplify.appearance_judge import AppearanceJudge
@@ -124,7 +124,8 @@ def work(
             judge = AppearanceJudge(context, Request(job, settings, Wants(whole=wants.whole)), pace, high, timings)
             making = _Making(context, high, judge, settings, suffixes, aside)
             lows = yield from part(making.lows(job, lows, wanted), 0.05, SEARCHED)
-        unwrapping_all = relay(_all_unwrapped(lows, settings, stack), within=lambda: timings.timed("unwrap"))
+        density = partial(_density, context, job, settings)
+        unwrapping_all = relay(_all_unwrapped(lows, settings, stack, density), within=lambda: timings.timed("unwrap"))
         lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
         jobs, sharing = [_job_of(low, job, context, settings, high) for low in lows], []
         if wanted.levels > wanted.own_levels:
@@ -203,6 +204,7 @@ def _check(job: Job, wanted: Wanted, settings: Settings) -> None:
         raise BakeError("Only a mesh alone keeps its triangles: choose one high object, and no low one.")
     if job.low not in job.highs and job.low.type != "MESH":
         raise BakeError(f"{job.low.name!r} is no mesh: choose a mesh as the low object.")
+    uv_density.check(job.highs if job.low in job.highs else [job.low], wanted.density_group)
 
 
 class _Aside(ExitStack):
@@ -434,22 +436,34 @@ def _cost(candidate: Candidate, wanted: int) -> float:
     return candidate.deviation.cost * candidate.maker.bias * over + (FOLDED if candidate.mesh.is_folded else 0.0)
 
 
-def _all_unwrapped(lows: Sequence[Low], settings: Settings, stack: ExitStack) -> Task[list[Low]]:
-    """The low objects with UV maps. stack: removes those that are new if it fails."""
+def _density(context: bpy.types.Context, job: Job, settings: Settings, low: Low) -> np.ndarray | None:
+    """The weights of the vertices of a low mesh by which islands are denser; None for none."""
+    group = low.wanted.density_group
+    if not group or not low.how.is_made:
+        return uv_density.of_mesh(low.obj, group)
+    return uv_density.of_highs(context, job.highs, group, low.obj, modifiers=settings.map.modifiers)
+
+
+def _all_unwrapped(
+    lows: Sequence[Low], settings: Settings, stack: ExitStack, density: Callable[[Low], np.ndarray | None]
+) -> Task[list[Low]]:
+    """The low objects with UV maps. stack: removes those that are new if it fails. density: returns weights of vertices."""
     unwrapped = []
     for done, low in enumerate(lows):
-        work = _unwrapped(low, settings, stack)
+        work = _unwrapped(low, settings, stack, density)
         unwrapped.append((yield from part(work, done / len(lows), (done + 1) / len(lows))))
     return unwrapped
 
 
-def _unwrapped(low: Low, settings: Settings, stack: ExitStack) -> Task[Low]:
+def _unwrapped(
+    low: Low, settings: Settings, stack: ExitStack, density: Callable[[Low], np.ndarray | None]
+) -> Task[Low]:
     layers = low.obj.data.uv_layers
     if unwrapping.is_unwrapped(low.obj, settings.map.uv_layer):
         return low
     before = layers.active.name if layers else ""
-    ref, work = ObjectRef.of(low.obj), unwrapping.work(low.obj, settings, stacks=low.wanted.stacks_mirrored)
-    text = yield from work
+    ref, weights = ObjectRef.of(low.obj), density(low)
+    text = yield from unwrapping.work(low.obj, settings, stacks=low.wanted.stacks_mirrored, weights=weights)
     name = low.obj.data.uv_layers.active.name
 
     def undo(kind: type[BaseException] | None, *_: object) -> None:
@@ -573,8 +587,9 @@ def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
 def _not_done(low: Low, high: HighSurface | None) -> list[str]:
     """A sentence for each option that has no effect, or a bad one."""
     sentences = []
-    if low.wanted.stacks_mirrored and not low.how.unwrapped:
-        sentences.append(f"Stack Mirrored changes no UV map that is there: remove that of {low.obj.name!r} to get one.")
+    asked = {"Stack Mirrored": low.wanted.stacks_mirrored, "Density Group": low.wanted.density_group}
+    for label in (label for label, is_set in asked.items() if is_set and not low.how.unwrapped):
+        sentences.append(f"{label} changes no UV map that is there: remove that of {low.obj.name!r} to get one.")
     if high is not None and low.how.is_made and high.loses_planes:
         sentences.append(
             f"{low.obj.name!r} equals its mirror image, and its flat sides are not kept exactly: set Symmetry to None for flat "

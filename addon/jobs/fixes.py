@@ -18,7 +18,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..mesh.triangles import unit
 from ..scene import evaluation, mesh_elements, mesh_reader
 from ..scene.object_checks import ObjectRef
-from . import unwrapping
+from . import unwrapping, uv_density
 from .job import PastBake
 from .pair_checks import viewport_flipped
 
@@ -137,10 +137,10 @@ def fix(
 
 
 def unwrap(
-    lows: Sequence[tuple[bpy.types.Object, Settings]], *, stacks: bool = False
+    lows: Sequence[tuple[bpy.types.Object, Settings]], *, stacks: bool = False, density_group: str = ""
 ) -> Task[tuple[list[str], list[str]]]:
     """Give objects a UV map, each with the margin of its settings; those that share a mesh get one. Returns a sentence about
-    each that got one, and why others did not. stacks: as unwrapping.work has it.
+    each that got one, and why others did not. stacks, density_group: as Wanted has them.
 
     If it is closed before its end, or raises BakeError since none can be unwrapped, nothing has changed.
     """
@@ -150,7 +150,8 @@ def unwrap(
         try:
             low = ref.resolve()
             _check_editable(low)
-            work = unwrapping.find(low, settings.sampling, stacks=stacks)
+            weights = uv_density.of_mesh(low, density_group)
+            work = unwrapping.find(low, settings.sampling, stacks=stacks, weights=weights)
             found.append((ref, (yield from part(work, done / len(of_mesh), (done + 1) / len(of_mesh)))))
         except BakeError as error:
             failures.append(str(error))

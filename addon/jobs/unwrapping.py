@@ -23,10 +23,12 @@ from ..mesh import topology, uv_charts, uv_islands, uv_packing, uv_stacks, uv_st
 from ..mesh.edges import is_without_area
 from ..mesh.topology import EdgeTable
 from ..mesh.triangle_mesh import Mesh
+from ..mesh.triangles import face_areas
 from ..mesh.uv_charts import ChartOptions
 from ..mesh.uv_packing import PackOptions
 from ..mesh.uv_stretch import Layout
 from ..scene import mesh_reader, object_checks
+from ..scene.mesh_elements import UNPAINTED
 from ..scene.object_checks import ObjectRef
 from . import flattening, temporary
 from .flattening import Flattened, Flattener, editing
@@ -111,7 +113,14 @@ def unwrap(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False)
     return finish(work(low, settings, is_quick=is_quick))
 
 
-def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False, stacks: bool = False) -> Task[str]:
+def work(
+    low: bpy.types.Object,
+    settings: Settings,
+    *,
+    is_quick: bool = False,
+    stacks: bool = False,
+    weights: np.ndarray | None = None,
+) -> Task[str]:
     """Give an object's own mesh a UV map, the active one. Returns a sentence about it.
 
     Raises BakeError if no way works. Then, and if it is closed before its end, nothing has changed.
@@ -119,22 +128,33 @@ def work(low: bpy.types.Object, settings: Settings, *, is_quick: bool = False, s
     Args:
         is_quick: whether only one way is tried.
         stacks: whether mirrored halves and equal parts are on the same place.
+        weights: (V,) float32 from 0 to 1, of the vertices, whose mean over an island is its texel density: see `density`.
     """
     ref = ObjectRef.of(low)
-    found = yield from find(low, settings.sampling, is_quick=is_quick, stacks=stacks)
+    found = yield from find(low, settings.sampling, is_quick=is_quick, stacks=stacks, weights=weights)
     return apply(ref.resolve(), found)
 
 
 def find(
-    low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool = False, stacks: bool = False
+    low: bpy.types.Object,
+    sampling: SamplingSettings,
+    *,
+    is_quick: bool = False,
+    stacks: bool = False,
+    weights: np.ndarray | None = None,
 ) -> Task[Packed]:
     """The best UV map of an object's own mesh, which stays as it is. As `work`."""
     check(low)
     name = low.name
-    best = yield from _best(low, sampling, is_quick=is_quick, stacks=stacks)
+    best = yield from _best(low, sampling, is_quick=is_quick, stacks=stacks, weights=weights)
     if best is None:
         raise BakeError(f"{name!r} cannot be unwrapped: its faces have no area.")
     return best
+
+
+def density(weights: np.ndarray) -> np.ndarray:
+    """The texel density by length, as a factor, for weights from 0 to 1: half of it for 0, as without for 0.5, twice for 1."""
+    return 4.0 ** (weights - UNPAINTED)
 
 
 def is_unwrapped(low: bpy.types.Object, layer: str = "") -> bool:
@@ -170,7 +190,9 @@ def apply(low: bpy.types.Object, found: Packed) -> str:
     return f"{low.name!r} is unwrapped: {found.sentence}"
 
 
-def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool, stacks: bool) -> Task[Packed | None]:
+def _best(
+    low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool, stacks: bool, weights: np.ndarray | None
+) -> Task[Packed | None]:
     """The best UVs for an object's own mesh; None if it has no area."""
     with _copy(low) as obj:
         yield Progress("Cutting into charts", 0.0)
@@ -179,10 +201,12 @@ def _best(low: bpy.types.Object, sampling: SamplingSettings, *, is_quick: bool, 
             return None
         starts, materials = (foreach.read(obj.data.polygons, name) for name in ("loop_start", "material_index"))
         copies = uv_stacks.copies(mesh, starts, materials) if stacks else None
+        of_faces = None if weights is None else _of_faces(mesh, weights, len(starts))
         if copies is not None:
             _remove(obj.data, copies.is_copy)
             mesh = _read(obj)
-        best = yield from _found(_Unwrapping(obj, mesh, sampling), mesh, is_quick=is_quick)
+            of_faces = None if of_faces is None else of_faces[~copies.is_copy]
+        best = yield from _found(_Unwrapping(obj, mesh, sampling, of_faces), mesh, is_quick=is_quick)
         if copies is None or best is None:
             return best
         numbers = np.cumsum(copies.corners == np.arange(len(copies.corners))) - 1  # of the corners that are left
@@ -215,6 +239,15 @@ def _found(unwrapping: "_Unwrapping", mesh: Mesh, *, is_quick: bool) -> Task[Pac
     best = min(good, key=lambda each: (each.layout.islands, -each.layout.figure))
     alike = yield from unwrapping.mirrored(best)
     return best if alike is None or alike.layout.figure < least else alike
+
+
+def _of_faces(mesh: Mesh, weights: np.ndarray, count: int) -> np.ndarray:
+    """The mean weights (F,) of faces, by those (V,) of vertices."""
+    corners = mesh.vertices[mesh.triangles]
+    areas, means = face_areas(mesh.positions[corners]), weights[corners].mean(axis=1)
+    totals = np.bincount(mesh.faces, areas, count)
+    sums = np.bincount(mesh.faces, areas * means, count)
+    return np.divide(sums, totals, out=np.full(count, UNPAINTED), where=totals > 0.0)
 
 
 def _different(ways: list[Unwrapped]) -> list[Unwrapped]:
@@ -263,8 +296,11 @@ def _points(mesh: Mesh) -> np.ndarray:
 class _Unwrapping:
     """A mesh, and the ways to unwrap it."""
 
-    def __init__(self, obj: bpy.types.Object, mesh: Mesh, sampling: SamplingSettings):
-        self._obj, self._mesh, self._sampling = obj, mesh, sampling
+    def __init__(
+        self, obj: bpy.types.Object, mesh: Mesh, sampling: SamplingSettings, weights: np.ndarray | None = None
+    ):
+        """weights: (F,), of faces, for `density`; None where all have the same."""
+        self._obj, self._mesh, self._sampling, self._weights = obj, mesh, sampling, weights
         self._seams = _edges(obj.data, "use_seam")
         wanted = np.concatenate([self._seams, _between_materials(obj.data, mesh)])
         # At a border, half of half a texel is another island's.
@@ -436,17 +472,28 @@ class _Unwrapping:
 
     def packed(self, way: Unwrapped, *, is_quick: bool = False) -> Task[Packed]:
         """Pack a way's islands."""
-        triangles, flattened = self._mesh.triangles, way.flattened
-        islands = flattened.labels[self._mesh.faces]
+        triangles, flattened, points = self._mesh.triangles, way.flattened, _points(self._mesh)
+        islands, before = flattened.labels[self._mesh.faces], flattened.uv
+        if self._weights is not None:  # faces that shall be denser are measured as if they were larger
+            factors = np.ones((len(before), 1))
+            factors[triangles] = self._densities(flattened.labels)[islands][:, None, None]
+            before = before * factors
+            points = points * density(self._weights)[self._mesh.faces][:, None, None]
         options = PackOptions(margin(self._sampling), islands, is_quick)
-        uv = yield from uv_packing.work(flattened.uv, triangles, options)
+        uv = yield from uv_packing.work(before, triangles, options)
         if uv is None:
-            uv = self._boxed(flattened.uv)
+            uv = self._boxed(before)
         uv = uv.astype(np.float32)
         corners = self._mesh.vertices[triangles]
         side = min(self._sampling.size)
-        layout = uv_stretch.measure(_points(self._mesh), uv[triangles], side, corners, is_sound=True)
+        layout = uv_stretch.measure(points, uv[triangles], side, corners, is_sound=True)
         return Packed(way, uv, layout)
+
+    def _densities(self, labels: np.ndarray) -> np.ndarray:
+        """The texel density (N,) that each chart has, by the mean of its weights."""
+        areas = self._flattener.charts.areas
+        totals, sums = np.bincount(labels, areas), np.bincount(labels, areas * self._weights)
+        return density(np.divide(sums, totals, out=np.full(len(totals), UNPAINTED), where=totals > 0.0))
 
     def _boxed(self, uv: np.ndarray) -> np.ndarray:
         """The UVs packed by boxes."""

@@ -266,7 +266,7 @@ def weights_problem(obj: bpy.types.Object, tracing: TracingSettings) -> str:
     if tracing.method == Method.FLATTEN or obj.modifiers:
         return ""
     names = filter(None, (getattr(tracing, name) for name in GROUPS))
-    return next((_missing(obj, name) for name in names if not _is_known(obj, name)), "")
+    return next((missing_group(obj, name) for name in names if not _is_known(obj, name)), "")
 
 
 def _is_known(obj: bpy.types.Object, name: str) -> bool:
@@ -289,11 +289,12 @@ def _number(obj: bpy.types.Object, name: str) -> int | None:
             f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or name no group."
         )
     if not _is_known(own, name):
-        raise BakeError(_missing(obj, name))
+        raise BakeError(missing_group(obj, name))
     return None
 
 
-def _missing(obj: bpy.types.Object, name: str) -> str:
+def missing_group(obj: bpy.types.Object, name: str) -> str:
+    """That an object has no vertex group of this name, as a sentence."""
     close = difflib.get_close_matches(name, obj.vertex_groups.keys(), n=1)
     hint = f"did you mean {close[0]!r}?" if close else "name one that it has, or none."
     return f"{obj.name!r} has no vertex group {name!r}: {hint}"

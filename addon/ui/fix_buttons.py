@@ -147,7 +147,9 @@ class IMPRINT_OT_unwrap(WaitingOperator, SlicedOperator, _OfLows, bpy.types.Oper
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[tuple[list[str], list[str]]]:
         all_chosen = [_chosen(context, name) for name in self.names]
         lows = [(chosen.low, _settings(context, chosen)) for chosen in all_chosen]
-        return (yield from fixes.unwrap(lows, stacks=context.scene.imprint.asset_stack_mirrored))
+        panel = context.scene.imprint
+        group = panel.asset_density_group
+        return (yield from fixes.unwrap(lows, stacks=panel.asset_stack_mirrored, density_group=group))
 
     def finish(self, context: bpy.types.Context, result: tuple[list[str], list[str]]) -> None:
         done, failures = result

@@ -113,6 +113,7 @@ class IMPRINT_OT_make_asset(BakeOperator, bpy.types.Operator):
             keeps=settings.asset_keeps,
             stacks_mirrored=settings.asset_stack_mirrored,
             quads=settings.asset_quads,
+            density_group=settings.asset_density_group,
         )
         active, highs = context.active_object, list(context.selected_objects)
         if active is not None and active.select_get():
@@ -158,8 +159,14 @@ class IMPRINT_PT_asset(SettingsPanel, bpy.types.Panel):
     def draw_settings(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         names = "asset_keeps", "asset_triangles", "asset_degrees", "asset_distance"
         names += "asset_quads", "asset_symmetry", "asset_crumbs", "asset_holes", "asset_fits_size", "asset_levels"
-        names += "asset_own_textures", "asset_stack_mirrored", "export"
-        draw_props(split_layout(layout.column()), context.scene.imprint, *names)
+        names += "asset_own_textures", "asset_stack_mirrored"
+        column, settings, active = split_layout(layout.column()), context.scene.imprint, context.active_object
+        draw_props(column, settings, *names)
+        if active is not None and active.type == "MESH":
+            column.prop_search(settings, "asset_density_group", active, "vertex_groups", icon="GROUP_VERTEX")
+        else:
+            column.prop(settings, "asset_density_group")
+        column.prop(settings, "export")
 
     def draw_button(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         is_possible = bool(context.selected_objects)

@@ -794,12 +794,22 @@ def test_a_mesh_that_keeps_its_triangles_can_have_levels():
 
 
 @pytest.mark.parametrize("has_uvs", [False, True])
-def test_stacks_that_are_not_made_are_said(has_uvs):
+def test_stacks_and_densities_that_are_not_made_are_said(has_uvs):
     high = zoo.cube("Box")
+    high.vertex_groups.new(name="Top").add([k for k in range(8) if high.data.vertices[k].co.z > 0.0], 1.0, "REPLACE")
     if not has_uvs:
         high.data.uv_layers.remove(high.data.uv_layers[0])
-    report, _ = made([high], Wanted(keeps=True, stacks_mirrored=True))
-    assert any("Stack Mirrored changes no UV map" in text for text in report.warnings) == has_uvs
+    report, _ = made([high], Wanted(keeps=True, stacks_mirrored=True, density_group="Top"))
+    for label in ("Stack Mirrored", "Density Group"):
+        assert any(f"{label} changes no UV map" in text for text in report.warnings) == has_uvs
+
+
+def test_no_high_object_with_the_density_group_is_a_sentence():
+    highs = [zoo.cube("Box"), zoo.cube("Other")]
+    before = snapshot()
+    with pytest.raises(BakeError, match=r"^'Box' has no vertex group 'Top'"):
+        made(highs, Wanted(triangles=20, density_group="Top"))
+    assert difference(before, snapshot()) == {}
 
 
 def test_levels_of_a_kept_mesh_are_made_of_it_without_its_modifiers():

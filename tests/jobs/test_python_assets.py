@@ -9,6 +9,7 @@ import pytest
 
 from addon import api
 from addon.api import BakeError, Progress, Surface
+from addon.scene import mesh_reader
 from tests.support import scenes, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -139,6 +140,7 @@ WRONG = {
     "quads": [None],
     "own_textures": ["no"],
     "stack_mirrored": [2],
+    "density_group": [3, "Nowhere"],
     "high": [[], 3, None, "nowhere.obj"],
     "on_progress": [3],
     "udim": [True],
@@ -177,6 +179,23 @@ def test_unwrapped_objects_stay_as_they_are():
     found = api.unwrap(obj)
     assert snapshot.difference(before, snapshot.snapshot()) == {}
     assert np.abs(uv_areas(found.uv)).sum() > 0.5 and found.name == "leaf"
+    with pytest.raises(BakeError, match=r"^density_group: 3 "):
+        api.unwrap(obj, density_group=3)
+    with pytest.raises(BakeError, match=r"^'leaf' has no vertex group 'Face'"):
+        api.unwrap(obj, density_group="Face")
+
+
+def test_a_vertex_group_scales_the_texels_of_islands():
+    """An island with a weight of 1 has four times the area of an equal one outside the group."""
+    obj = zoo.plane("leaf")
+    data = bpy.data.meshes.new("leaves")
+    points = mesh_reader.points(obj.data)
+    square = [0, 1, 3, 2]
+    data.from_pydata([*points.tolist(), *(points + (0.0, 0.0, 1.0)).tolist()], [], [square, [k + 4 for k in square]])
+    obj.data = data
+    obj.vertex_groups.new(name="Face").add(range(4), 1.0, "REPLACE")
+    areas = np.abs(uv_areas(api.unwrap(obj, size=256, density_group="Face").uv))
+    assert areas[:2].sum() / areas[2:].sum() == pytest.approx(4.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(

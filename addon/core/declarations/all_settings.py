@@ -171,6 +171,13 @@ ASSET: dict[str, Setting] = {
         tooltip="Unwrap mirrored halves and equal parts onto the same place, also by the button Unwrap",
         option=None,
     ),
+    "asset_density_group": Text(
+        label="Density Group",
+        tooltip="Vertex group whose mean weight on a UV island scales its texel density: 0 halves it, 0.5 changes nothing, and "
+        "1 doubles it, also by the button Unwrap",
+        empty="the same density everywhere",
+        option=None,
+    ),
 }
 
 
