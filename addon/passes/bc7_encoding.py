@@ -105,9 +105,10 @@ def encode(
     costs = target.get("costs of blocks", columns, rows, "RGBA32UI")
     common = {"texels": texels, "weights": weights, "table": data_texture.upload_numbers(*_packed_tables().T)}
     is_color = int(purpose == Purpose.COLOR)
+    # All ranks come first: in Mesa's zink, compute shaders that take turns may get the textures of an earlier call.
+    steps = steps or (WITH_ALPHA if has_alpha else OPAQUE[purpose])
     ranked: dict[tuple[int, int], target.Target] = {}
-    for number, step in enumerate(steps or (WITH_ALPHA if has_alpha else OPAQUE[purpose])):
-        mode = tables.BC7_MODES[step.mode]
+    for mode in (tables.BC7_MODES[step.mode] for step in steps):
         partitions = mode.subsets, 1 << mode.partition_bits
         if partitions not in ranked:
             ranked[partitions] = target.get(
@@ -116,6 +117,8 @@ def encode(
             if mode.subsets > 1:
                 how = is_color, int(has_alpha), 64 * (mode.subsets - 2), partitions[1]
                 target.dispatch(RANK, columns, range(rows), ranked=ranked[partitions].texture, how=how, **common)
+    for number, step in enumerate(steps):
+        mode = tables.BC7_MODES[step.mode]
         kind = OWN * (mode.own_lowest > 0) + SHARED * (mode.shared_lowest > 0)
         index_bits = mode.index_bits, mode.second_index_bits
         if step.is_turned:
@@ -126,7 +129,7 @@ def encode(
             ENCODE,
             columns,
             range(rows),
-            ranked=ranked[partitions].texture,
+            ranked=ranked[mode.subsets, 1 << mode.partition_bits].texture,
             blocks=blocks.texture,
             costs=costs.texture,
             shape=(mode.number, mode.subsets, color_bits, alpha_bits),
