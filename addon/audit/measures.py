@@ -27,7 +27,7 @@ def measuring(
     drawing: Drawing,
     settings: Settings,
     *,
-    kept: Callable[[np.ndarray], np.ndarray],
+    kept: Callable[[int, Map], np.ndarray],
     is_measured: bool,
     is_seen: bool,
     is_pictured: bool,
@@ -36,7 +36,8 @@ def measuring(
 
     Args:
         drawing: of the bake.
-        kept: what images and files keep of a UDIM tile of the normal map, (height, width, 4) float32.
+        kept: what images and files keep of a UDIM tile of the normal map, from its number and the map: a new array
+            (height, width, 4) float32.
         is_measured: whether deviations from the high meshes are measured.
         is_seen: whether the shading error is measured.
         is_pictured: whether there is a picture of the maps.
@@ -69,7 +70,7 @@ class Measures:
         others, deviations, between, seen, pictures: What measures; None where that is not asked for.
     """
 
-    def __init__(self, drawing: Drawing, truth: Drawing, settings: Settings, kept: Callable[[np.ndarray], np.ndarray]):
+    def __init__(self, drawing: Drawing, truth: Drawing, settings: Settings, kept: Callable[[int, Map], np.ndarray]):
         self.drawing, self.truth, self._settings, self.tally = drawing, truth, settings, Tally()
         self._kept = kept
         self.hidden = StackedParts(truth, settings)
@@ -100,7 +101,7 @@ class Measures:
         texels, state = maps[NORMAL.name]
         measuring_kept = list(filter(None, (self.deviations, self.between, self.seen)))
         if self.others.engines or measuring_kept:
-            kept = self._kept(np.array(texels, np.float32))  # a copy, because texels change as they are stored
+            kept = self._kept(tile, (texels, state))
             self.others.add(tile, (texels, state), kept)
             for each in measuring_kept:
                 each.add(tile, (kept, state))

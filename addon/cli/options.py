@@ -92,7 +92,7 @@ def _parsing(setting: kinds.Setting) -> dict[str, Any]:
         case kinds.WholeNumber():
             word = setting.none_word
             return {"type": option_types.number_or(word) if word else option_types.whole_number}
-        case kinds.Distance():
+        case kinds.Distance() | kinds.Amount():
             return {"type": option_types.number}
         case kinds.Color():
             return {"type": option_types.color}

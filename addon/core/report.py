@@ -158,6 +158,10 @@ class Report:
     loss: dict[str, float] = _of("stored.loss", default_factory=dict)
     """Median and maximum of the degrees between the normals and those that are stored; empty if stored as floats without
     blocks."""
+    formats: dict[str, dict[str, float | int | str]] = _of("stored.formats", default_factory=dict)
+    """With Format Auto, how each file stores its map, by path: the map, the format, bytes, and by how much what is read of it
+    is off the bake, as mean and percentile_99, with the limit of the latter, in a unit, "degrees" or "steps" of 255. Of texels
+    that the low mesh covers."""
     image: str = _of("stored.image.name", default="")
     """The name of the image in the .blend."""
     output: list[str] = _of("stored.paths", default_factory=list)
@@ -421,6 +425,7 @@ class Report:
         if self.loss:
             off = f"off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
             details.append(f"Stored: normals {'exact' if self.loss['maximum'] < EXACT else off}")
+        details += [_stored_as(path, how) for path, how in self.formats.items()]
         details += self._ranges(length)
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         if count := sum(map(len, self.mip_files.values())):
@@ -445,6 +450,14 @@ def _read(value: Any, path: str) -> Any:
         value = getattr(value, name)
         value = value() if ismethod(value) else value
     return value
+
+
+def _stored_as(path: str, how: dict[str, Any]) -> str:
+    """An entry of Report.formats, for the summary."""
+    return (
+        f"{Path(path).name}: {how['format']}, {how['bytes']:,} bytes, off by {how['mean']:.2g} {how['unit']} (mean), "
+        f"{how['percentile_99']:.2g} (99th percentile)"
+    )
 
 
 def _in_stages(stages: dict[str, float], total: float) -> str:

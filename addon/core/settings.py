@@ -11,7 +11,7 @@ from typing import Any
 from . import file_formats, map_types, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED
-from .declarations.choices import Compression, Method, Pack, Space, Storage, VertexDomain, Wrap
+from .declarations.choices import Compression, Format, Method, Pack, Space, Storage, VertexDomain, Wrap
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError
 from .map_types import (
@@ -196,6 +196,9 @@ class StorageSettings:
     """Whether files have alpha."""
     mip_files: bool = _field("mip_files")
     """Whether files of mip levels are written, for storage FILE."""
+    format: str = _field("format")
+    most_degrees: float = _field("most_degrees")
+    most_steps: float = _field("most_steps")
     compression: str = _field("compression")
     """Of blocks. In the settings of one map, as map_names.settings_by_map has them, never AUTO."""
     quality: int = _field("quality")
@@ -221,6 +224,11 @@ class StorageSettings:
         """Whether files store blocks of texels, with their mip levels inside."""
         file_format = file_formats.known(self.output) if self.storage == Storage.FILE else None
         return file_format is not None and file_format.is_blocks
+
+    @property
+    def is_auto(self) -> bool:
+        """Whether the smallest format of each map is looked for."""
+        return self.format == Format.AUTO and self.storage == Storage.FILE
 
     @property
     def is_half(self) -> bool:

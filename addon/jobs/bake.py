@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import bpy
 import numpy as np
@@ -12,7 +11,7 @@ from ..audit.measures import Measures, measuring
 from ..core import progress
 from ..core.declarations.choices import Method
 from ..core.errors import Fix, NothingDrawn
-from ..core.map_types import NORMAL
+from ..core.map_types import NORMAL, Map
 from ..core.progress import Pace, Progress, Task, part, relay
 from ..core.report import Report
 from ..core.sentences import WRONG, Sentence, by_harm, rated
@@ -23,7 +22,7 @@ from ..engine.planning import nothing_drawn, plan_of
 from ..engine.ray_casting import RayLengths
 from ..mesh.edges import is_without_area
 from ..output.materials import into_materials
-from ..output.outputs import Outputs, kept
+from ..output.outputs import Outputs
 from ..scene import object_checks, reading
 from . import one_material, pair_checks, state_pieces
 from .baked import Baked
@@ -46,7 +45,8 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     job, settings, timings = request.job, run.settings, run.timings
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            measures, warnings, state = yield from part(_prepare(context, request, run), 0.0, READY)
+            steps = _prepare(context, request, run, outputs.kept)
+            measures, warnings, state = yield from part(steps, 0.0, READY)
             plan, read = measures.plan, measures.plan.read
             outputs.sample_onto(job.low, read.uv_layer, is_own_base=read.is_own_base, slots=job.slots)
             for tile, start, stop in shares_of_tiles(plan):
@@ -69,8 +69,13 @@ def _bake(context: bpy.types.Context, request: Request, run: Run) -> Task[Baked]
     return baked.stored_as(stored, [*stored.warnings, *notes])
 
 
-def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tuple[Measures, list[Sentence], State]]:
-    """Read and plan, up to what is drawn and measured. Also returns the warnings about the objects, and what was read."""
+def _prepare(
+    context: bpy.types.Context, request: Request, run: Run, kept: Callable[[int, Map], np.ndarray]
+) -> Task[tuple[Measures, list[Sentence], State]]:
+    """Read and plan, up to what is drawn and measured. Also returns the warnings about the objects, and what was read.
+
+    kept: as measuring takes it.
+    """
     job, wants, settings, timings = request.job, request.wants, run.settings, run.timings
     name = job.low.name
     yield Progress(f"Reading {name}", 0.0)
@@ -92,7 +97,7 @@ def _prepare(context: bpy.types.Context, request: Request, run: Run) -> Task[tup
     making = measuring(
         drawing,
         settings,
-        kept=partial(kept, settings=settings),
+        kept=kept,
         is_measured=wants.measured,
         is_seen=settings.map.appearance or wants.seen,
         is_pictured=wants.pictured,
@@ -128,8 +133,9 @@ def draw_raw(
 
     Also returns the maps without a margin, by tile and name, as Renderer.raw has them.
     """
-    with gpu_memory.trimmed():
-        measures, warnings, state = yield from part(_prepare(context, request, run), 0.0, READY)
+    with gpu_memory.trimmed(), Outputs(run.settings) as alone:
+        steps = _prepare(context, request, run, alone.kept)
+        measures, warnings, state = yield from part(steps, 0.0, READY)
         maps = {}
         for tile, start, stop in shares_of_tiles(measures.plan):
             maps[tile] = yield from part(measures.drawing.renderer.raw(tile), start, stop)

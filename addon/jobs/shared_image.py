@@ -355,6 +355,8 @@ def _lower(where: str) -> str:
 
 def _problem(name: str, of_map: Settings) -> str:
     """Why texels of a map do not stay true beside new ones, and what to do, in a clause; empty if they do."""
+    if of_map.storing.is_auto:
+        return "its format is chosen for all texels. Bake all of them together, or with a fixed format."
     if of_map.storing.is_lossy:
         return "its format changes texels a little each time. Bake all of them together, or into a PNG file."
     if len(map_names.levels_of(of_map, name)):

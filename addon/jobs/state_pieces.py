@@ -398,6 +398,8 @@ def _meaningless(settings: Settings, stored: Sequence[StorageSettings]) -> Itera
         yield "dither"
     if storing.storage != Storage.FILE:
         yield from ("output", "alpha", "mip_files")
+    if not storing.is_auto:
+        yield from ("format", "most_degrees", "most_steps")
     yield "lossy_normals"  # which decides the quality of one map
     if any(each.is_blocks for each in stored):  # files of blocks have all levels
         yield "mip_files"

@@ -150,12 +150,14 @@ class Blocks:
         purpose: What the encoder keeps small.
         levels: The texels of the mip levels from 1 on, as those of the map.
         has_map_in_alpha: Whether alpha holds a map, rather than 0 where no island covers a texel.
+        first: The blocks of level 0, if they were made before, by the same settings.
     """
 
     block_format: BlockFormat
     purpose: Purpose = Purpose.DATA
     levels: Sequence[np.ndarray] = ()
     has_map_in_alpha: bool = False
+    first: np.ndarray | None = None
 
     def content(self, texels: np.ndarray, path: Path, *, has_alpha: bool, is_color: bool, note: str) -> Content:
         """The file of texels, as the function `content` describes it."""
@@ -167,7 +169,8 @@ class Blocks:
         """What such a file holds."""
         size = texels.shape[1], texels.shape[0]
         has_alpha &= self.block_format.channels == 4
-        levels = [self._encoded(each, has_alpha=has_alpha) for each in (texels, *self.levels)]
+        first = self._encoded(texels, has_alpha=has_alpha) if self.first is None else self.first
+        levels = [first, *(self._encoded(each, has_alpha=has_alpha) for each in self.levels)]
         return Container(size, levels, self.block_format, is_color and not self.block_format.is_float, has_alpha, note)
 
     def kept(self, texels: np.ndarray, *, has_alpha: bool) -> np.ndarray:

@@ -7,11 +7,11 @@ beside the files.
 
 import functools
 import tempfile
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
 
@@ -23,12 +23,13 @@ from ..blocks.formats import Purpose
 from ..core import file_formats, udim
 from ..core.declarations.choices import Compression, Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
-from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, Kind, Labeled, Map, MapType
+from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, WRITTEN, Kind, Labeled, Map, MapType
 from ..core.sentences import LOOK, NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_file, journal, map_names, shared_maps, value_encoding
+from . import atomic_file, auto_format, datablocks, image_file, journal, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
+from .auto_format import Chosen, Trial
 from .image_file import Blocks
 from .map_names import name_for, output_for, settings_by_map, stored_maps
 from .shared_maps import Part
@@ -74,8 +75,12 @@ def replaced(name: str, highs: Iterable[str]) -> str:
 
 def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
     """What programs read of the normals in `texels` (height, width, 4) float32, row 0 at v = 0, from an image or a file of
-    these settings: another array, with the same alpha."""
-    storing = settings_by_map(settings).get(NORMAL.name, settings).storing
+    these settings, with a fixed format: another array, with the same alpha."""
+    return _kept(texels, settings_by_map(settings).get(NORMAL.name, settings).storing)
+
+
+def _kept(texels: np.ndarray, storing: StorageSettings) -> np.ndarray:
+    """The same. storing: of the normal map."""
     if storing.is_blocks:
         block_format = formats.BY_NAME[storing.compression.lower()]
         return Blocks(block_format, Purpose.NORMAL).kept(texels, has_alpha=storing.has_alpha)
@@ -107,9 +112,10 @@ class MapWriter:
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
     `assign_color_space`. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. purpose,
-    is_signed, levels: of files of blocks, whether floats are below 0, and how many levels of each tile go into its file. queue:
-    what writes the files. Without one, it has its own. has_image: whether an image datablock shows the files. baked, kept: the
-    parts of a map that several low objects share, and those whose texels stay as they are. kept_tiles: in which these
+    is_signed, levels: of files of blocks, whether floats are below 0, and how many levels of each tile go into its file.
+    map_type: of which the smallest format is looked for, if it has a limit. queue: what writes the files. Without one, it has
+    its own. has_image: whether an image datablock shows the files. baked, kept: the parts of a map that several low objects
+    share, and those whose texels stay as they are. kept_tiles: in which these
     were found.
     """
 
@@ -125,6 +131,7 @@ class MapWriter:
         purpose: Purpose = Purpose.DATA,
         is_signed: bool = False,
         levels: int = 1,
+        map_type: MapType | None = None,
         queue: WriteQueue | None = None,
         has_image: bool = True,
         baked: Sequence[Part] = (),
@@ -137,9 +144,11 @@ class MapWriter:
         self.is_normal, self.is_packed, self.is_gray = is_normal, is_packed, is_gray
         self.color_space, self.has_image = color_space, has_image
         self._purpose, self._is_signed, self._levels = purpose, is_signed, levels
-        self._compression = settings.storing.compression if settings.storing.is_blocks else ""
-        if self._compression == Compression.AUTO:
-            self._compression = Compression.BC7
+        self._map_type = map_type if map_type and auto_format.limit_of(settings, map_type) else None
+        self.chosen: dict[int, Chosen] = {}
+        """How the file of each tile stores its map, if that was looked for; what was read of it until the tile is added."""
+        self._sizes: dict[int, int] = {}
+        """The bytes of these files."""
         self._waiting: dict[int, list[np.ndarray]] = {}
         """The levels of a tile that wait for the others."""
         self.backwards = 0
@@ -166,26 +175,77 @@ class MapWriter:
     def __exit__(self, *_):
         self.discard()
 
-    def add(self, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None, *, level: int = 0) -> None:
+    def storing_of(self, tile: int) -> StorageSettings:
+        """How the file of a tile stores the map, which was added."""
+        return self.chosen[tile].storing if tile in self.chosen else self.settings.storing
+
+    def choose(self, tile: int, texels: np.ndarray, is_covered: np.ndarray) -> Chosen | None:
+        """Choose how the file of a tile stores the map, unless that is fixed. Arguments: as of `add`."""
+        if self._map_type is None:
+            return None
+        if tile not in self.chosen:
+            store = functools.partial(self._trial, texels)
+            self.chosen[tile] = auto_format.smallest(texels, is_covered, self.settings, self._map_type, store)
+        return self.chosen[tile]
+
+    def _trial(self, texels: np.ndarray, storing: StorageSettings) -> Trial:
+        """Store the texels of a tile in one way, and read them."""
+        if storing.is_blocks:
+            held = self._blocks(storing).container(
+                texels, has_alpha=storing.has_alpha, is_color=self.color_space == SRGB, note=""
+            )
+            return Trial(image_file.decoded(held), held.levels[0].nbytes, held.levels[0])
+        texels = self._dithered(texels, storing)
+        if not storing.is_lossy and not file_formats.of(storing.output).has_quality:
+            return Trial(_kept(texels, replace(storing, dither=False)), storing.depth)
+        with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
+            file = Path(folder, "map").with_suffix(PurePath(storing.output).suffix)
+            image_file.content(texels, file, storing.depth, **self._how(storing)).write(file, iter(()))
+            return Trial(image_file.read(file), file.stat().st_size)
+
+    def _how(self, storing: StorageSettings) -> dict[str, Any]:
+        """How image_file.content stores texels."""
+        return {
+            "has_alpha": storing.has_alpha or bool(self._folder),
+            "is_color": self.color_space == SRGB,
+            "is_gray": self.is_gray and not self._folder,
+            "quality": storing.quality,
+        }
+
+    def _dithered(self, texels: np.ndarray, storing: StorageSettings) -> np.ndarray:
+        """The texels, which are rounded later."""
+        return value_encoding.dithered(texels, with_alpha=self.is_packed) if _is_dithered(storing) else texels
+
+    def add(
+        self,
+        tile: int,
+        texels: np.ndarray,
+        is_kept: np.ndarray | None = None,
+        *,
+        level: int = 0,
+        is_covered: np.ndarray | None = None,
+        storing: StorageSettings | None = None,
+    ) -> None:
         """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
 
         level: of mip levels, which follow the map one by one, if they go into its file.
 
         is_kept: the texels (height, width) bool that stay as they are stored now if the map has kept parts; None for none.
+        is_covered: those (height, width) bool that count when a format is chosen; None for all. storing: how the map is stored
+        of which this is a level.
 
         Its file is written later. Raises BakeError if that already failed. The texels must not change before `commit` unless
         they go into a file.
         """
-        settings = self.settings
         if level == 0:
             self.tiles.append(tile)
-        stored = texels  # Blender rounds
-        if _is_dithered(settings.storing):
-            stored = value_encoding.dithered(texels, with_alpha=self.is_packed)
-        if level == 0 and self.is_normal and self._compression == Compression.BC5:
+            self.choose(tile, texels, np.ones(texels.shape[:2], bool) if is_covered is None else is_covered)
+        storing = storing or self.storing_of(tile)
+        stored = self._dithered(texels, storing)  # Blender rounds
+        if level == 0 and self.is_normal and storing.is_blocks and storing.compression == Compression.BC5:
             self.backwards += int(np.count_nonzero((texels[..., 2] < 0.5) & (texels[..., 3] > 0.0)))
         if self.is_normal and level == 0:
-            self._note_loss(texels, stored)
+            self._note_loss(texels, stored, storing)
         if self.has_kept and is_kept is not None:
             self._keep(tile, stored, is_kept)
         if self._path:
@@ -196,33 +256,30 @@ class MapWriter:
             stored, *levels = self._waiting.pop(tile)
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
-            is_packed_float = self._folder and settings.storing.is_float
-            depth = file_formats.OPEN_EXR.depths[-1] if is_packed_float else settings.storing.depth
+            is_packed_float = self._folder and storing.is_float
+            depth = file_formats.OPEN_EXR.depths[-1] if is_packed_float else storing.depth
             with partial.writing():
                 partial.temporary.touch()
-            has_alpha, is_color = settings.storing.has_alpha or bool(self._folder), self.color_space == SRGB
             content = functools.partial(
                 image_file.content,
                 stored,
                 partial.temporary,
                 depth,
-                has_alpha=has_alpha,
-                is_color=is_color,
-                is_gray=self.is_gray and not self._folder,
                 note="" if self._folder else shared_maps.to_text(self.parts, self._path),
-                quality=settings.storing.quality,
-                blocks=self._blocks(levels) if settings.storing.is_blocks else None,
+                blocks=self._blocks(storing, levels, self._blocks_of(tile)) if storing.is_blocks else None,
+                **self._how(storing),
             )
             self._written.append(self._queue.add(content, partial))
+            if tile in self.chosen:
+                self.chosen[tile] = self.chosen[tile].without_trial()
         else:
             self._texels = stored
 
-    def _note_loss(self, texels: np.ndarray, stored: np.ndarray) -> None:
+    def _note_loss(self, texels: np.ndarray, stored: np.ndarray, storing: StorageSettings) -> None:
         """Note the angles that a tile loses. stored: its texels before they are rounded."""
-        storing = self.settings.storing
         if storing.is_lossy:
             some = value_encoding.sample_blocks(texels) if storing.is_blocks else texels
-            before, after = some.reshape(-1, 4), kept(some, self.settings).reshape(-1, 4)
+            before, after = some.reshape(-1, 4), _kept(some, storing).reshape(-1, 4)
         elif not storing.is_float:
             before = value_encoding.sample_texels(texels)
             after = value_encoding.rounded(value_encoding.sample_texels(stored), storing.depth)
@@ -230,12 +287,28 @@ class MapWriter:
             return
         self._angles.append(value_encoding.angles_between(before, after))
 
-    def _blocks(self, levels: Sequence[np.ndarray]) -> Blocks:
-        """How the file of a tile stores its texels, with those of its other levels."""
-        block_format = formats.BY_NAME[self._compression.lower()]
+    def _blocks(
+        self, storing: StorageSettings, levels: Sequence[np.ndarray] = (), first: np.ndarray | None = None
+    ) -> Blocks:
+        """How the file of a tile stores its texels, with those of its other levels. first: as Blocks has them."""
+        is_any = storing.compression == Compression.AUTO
+        block_format = formats.BC7 if is_any else formats.BY_NAME[storing.compression.lower()]
         if block_format is formats.BC6H and self._is_signed:
             block_format = formats.BC6H_SIGNED
-        return Blocks(block_format, self._purpose, levels, has_map_in_alpha=self.is_packed)
+        return Blocks(block_format, self._purpose, levels, has_map_in_alpha=self.is_packed, first=first)
+
+    def _blocks_of(self, tile: int) -> np.ndarray | None:
+        """The blocks of level 0 of a tile, if they were made when its format was chosen."""
+        trial = self.chosen[tile].trial if tile in self.chosen else None
+        return trial.blocks if trial else None
+
+    @property
+    def formats(self) -> dict[str, dict[str, Any]]:
+        """What was chosen, as Report.formats has it."""
+        return {
+            str(self._of_tile(tile)): {**chosen.to_dict(), "bytes": self._sizes[tile]}
+            for tile, chosen in sorted(self.chosen.items())
+        }
 
     @property
     def paths(self) -> list[str]:
@@ -261,6 +334,7 @@ class MapWriter:
         """Do everything that can fail or needs disk space, without changing existing files. Raises BakeError."""
         for file in self._written:
             file.result()
+        self._sizes = {tile: self._partials[tile].temporary.stat().st_size for tile in self.chosen}
         if not self.has_image:
             return
         if self._path and not file_formats.of(self._path).is_shown:
@@ -388,7 +462,7 @@ class Stored:
         images: Those of all maps.
         paths: The files of the normal map by tile, then those of each other map.
         tiles: UDIM numbers.
-        mip_files, maps, attributes, loss: As in Report.
+        mip_files, maps, attributes, loss, formats: As in Report.
         warnings: Sentences.
     """
 
@@ -400,6 +474,7 @@ class Stored:
     maps: dict[str, dict]
     attributes: dict[str, str]
     loss: dict[str, float]
+    formats: dict[str, dict[str, Any]]
     warnings: list[str]
 
 
@@ -432,6 +507,7 @@ class Outputs:
                 name,
                 of_map,
                 is_normal=types[name] is NORMAL,
+                map_type=types[name],
                 color_space=value_encoding.color_space(types[name], of_map.storing),
             )
             for name, of_map in settings_by_map(settings).items()
@@ -453,6 +529,8 @@ class Outputs:
         """The maps to pack, by tile and level, and by name, if they are encoded late."""
         self._kept: dict[int, np.ndarray] = {}
         """The texels of each tile that stay as they are stored."""
+        self._covered: dict[int, np.ndarray] = {}
+        """The texels (height, width) bool of each tile that the low mesh has, if a format is looked for."""
         self._vertices: list[VertexMaps] = []
         self._hides_misses = False
         """Whether a file has texels without a hit, and nothing that shows which."""
@@ -477,6 +555,21 @@ class Outputs:
         if self.settings.storing.vertex_domain != VertexDomain.NONE:
             self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base, slots=slots))
 
+    def kept(self, tile: int, normals: Map) -> np.ndarray:
+        """What programs read of a UDIM tile of the normal map, which is added afterwards: a new array, with the same alpha."""
+        texels, state = normals
+        writer = self._writers.get(NORMAL.name)
+        chosen = writer.choose(tile, np.array(texels, np.float32), state == WRITTEN) if writer else None
+        if chosen is None or chosen.trial is None:
+            return kept(np.array(texels, np.float32), self.settings)
+        shown = chosen.trial.texels.copy()
+        shown[..., 3] = texels[..., 3]
+        return shown
+
+    def format_of(self, name: str, tile: int) -> str:
+        """How the file of a tile stores a map that has images of its own, in words."""
+        return auto_format.label_of(self._writers[name].storing_of(tile))
+
     def add(
         self,
         tile: int,
@@ -496,11 +589,13 @@ class Outputs:
             return
         for vertices in self._vertices:
             vertices.add(tile, maps)
+        if self.settings.storing.is_auto:
+            self._covered[tile] = state == WRITTEN
         if NORMAL.name in self._writers:
-            self._writers[NORMAL.name].add(tile, texels, is_kept)
+            self._add(NORMAL.name, 0, tile, texels, is_kept)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, black_and_white(state == MISSED), is_kept)
-        elif not self._writers[self._first].settings.storing.has_alpha:
+        elif not self._writers[self._first].storing_of(tile).has_alpha:
             self._hides_misses |= bool((state == MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         self._add_others(tile, 0, maps)
@@ -550,7 +645,7 @@ class Outputs:
             datablocks.set_source_objects(image, highs, [low.name for low in lows])
         if self._hides_misses:
             warnings.append(HIDDEN_MISSES)
-        warnings += self._of_blocks()
+        warnings += [*self._of_blocks(), *self._over_limits()]
         if self._cut_off:
             titles = shorten_list(BY_NAME[name].title for name in self.settings.map.drawn_maps if name in self._cut_off)
             cause = f"16-bit floats cut off values beyond 65,504 of the {titles}."
@@ -573,6 +668,11 @@ class Outputs:
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
             attributes=attributes,
             loss=first.loss,
+            formats={
+                path: {"map": name.lower(), **how}
+                for name, writer in self._writers.items()
+                for path, how in writer.formats.items()
+            },
             warnings=warnings,
         )
 
@@ -590,6 +690,28 @@ class Outputs:
             label = file_formats.of(output).label
             texts.append(Sentence(f"Blender does not show {label} files: its images are packed copies of them.", NOTE))
         return texts
+
+    def _over_limits(self) -> Iterator[Sentence]:
+        """A sentence for the maps whose formats do not keep their limits."""
+        worst = {
+            name: max(over, key=lambda chosen: chosen.percentile_99)
+            for name, writer in self._writers.items()
+            if (over := [chosen for chosen in writer.chosen.values() if not chosen.keeps_limit])
+        }
+        if not worst:
+            return
+        label = file_formats.of(map_names.output_for(self.settings)).label
+        reached = shorten_list(
+            f"{map_names.map_title(self.settings.map, name)} {chosen.percentile_99:.2g} {chosen.limit.unit}, not "
+            f"{chosen.limit.most:g}"
+            for name, chosen in worst.items()
+        )
+        yield Sentence(
+            f"No format of {label} files keeps the limits, so the most exact one is stored, with this at the 99th percentile: "
+            f"{reached}. Choose a file of another format, or higher limits.",
+            LOOK,
+            "over_limit",
+        )
 
     def _settings_of(self, name: str) -> Settings:
         """The settings of the image that stores a map: its own, or the packed one."""
@@ -621,10 +743,11 @@ class Outputs:
 
     def _add(self, name: str, level: int, tile: int, texels: np.ndarray, is_kept: np.ndarray | None = None) -> None:
         """Add a level of a map to its own file, or to that of the map."""
+        writer = self._writers[name]
         if (name, level) in self._levels:
-            self._levels[name, level].add(tile, texels, is_kept)
+            self._levels[name, level].add(tile, texels, is_kept, storing=writer.storing_of(tile))
         else:
-            self._writers[name].add(tile, texels, is_kept, level=level)
+            writer.add(tile, texels, is_kept, level=level, is_covered=self._covered.get(tile))
 
     def _pack(self) -> None:
         """Add the encoded maps that wait to the packed image."""

@@ -52,6 +52,8 @@ def _property(setting: kinds.Setting) -> tuple[Callable, dict[str, Any]]:
         case kinds.WholeNumber():
             limits = {"min": setting.least, "max": setting.most, "soft_max": setting.usual_most or setting.most}
             return IntProperty, {"default": setting.default, **limits}
+        case kinds.Amount():
+            return FloatProperty, {"default": setting.default, "min": setting.least, "max": setting.most}
         case kinds.Reach():
             return FloatProperty, {
                 "default": setting.shown,
@@ -68,10 +70,8 @@ def _property(setting: kinds.Setting) -> tuple[Callable, dict[str, Any]]:
         case kinds.FilePath():
             options = {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
             return StringProperty, {"default": setting.default, **options}
-        case kinds.Text():
-            return StringProperty, {"default": setting.default}
-        case kinds.Tiles():
-            return StringProperty, {}
+        case kinds.Text() | kinds.Tiles():
+            return StringProperty, {"default": setting.default or ""}
         case kinds.ObjectSlots():
             return CollectionProperty, {}
         case kinds.ObjectSlot():

@@ -7,7 +7,7 @@ import bpy
 
 from ..core import file_formats
 from ..core.declarations.all_settings import DECLARED
-from ..core.declarations.choices import Method, Pack, Space, Storage, Wrap
+from ..core.declarations.choices import Format, Method, Pack, Space, Storage, Wrap
 from ..core.declarations.map_settings import ADAPTIVE_FROM
 from ..core.map_types import ATTRIBUTE, BY_NAME, OTHERS, VECTOR_DISPLACEMENT, Family
 from ..core.report import Report
@@ -285,9 +285,16 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         file_format = file_formats.known(rows["output"]) if rows["storage"] == Storage.FILE else None
         if rows["storage"] == Storage.FILE:
             is_blocks = file_format is not None and file_format.is_blocks
-            rows.prop(layout, "output", "alpha", "compression" if is_blocks else "mip_files")
+            rows.prop(layout, "output", "alpha", "format")
+            if rows["format"] == Format.AUTO:
+                rows.prop(layout, "most_degrees", "most_steps")
+            elif is_blocks:
+                rows.prop(layout, "compression")
+            if not is_blocks:
+                rows.prop(layout, "mip_files")
         is_glb = rows["export"].lower().endswith(file_formats.MESHES[0])
-        if (file_format is not None and file_format.has_quality) or (is_glb and rows["export_webp"]):
+        has_quality = file_format is not None and file_format.has_quality and rows["format"] != Format.AUTO
+        if has_quality or (is_glb and rows["export_webp"]):
             rows.prop(layout, "quality", "lossy_normals")
         rows.prop(layout, "material")
         row = layout.row()

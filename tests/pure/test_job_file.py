@@ -105,6 +105,9 @@ SAID = {
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
     "alpha": ("--no-alpha", False),
     "mip_files": ("--mip-files", True),
+    "format": ("--format auto", "AUTO"),
+    "most_degrees": ("--most-degrees 0.5", 0.5),
+    "most_steps": ("--most-steps 3", 3.0),
     "compression": ("--compression bc6h", "BC6H"),
     "quality": ("--quality 90", 90),
     "lossy_normals": ("--lossy-normals", True),

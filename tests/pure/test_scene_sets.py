@@ -44,7 +44,7 @@ def another(chance, name):
             return (1001, 1012)
         case kinds.WholeNumber():
             return None if setting.none_word and chance.random() < 0.5 else setting.least + 1
-        case kinds.Distance():
+        case kinds.Distance() | kinds.Amount():
             return 0.125
         case kinds.FilePath():
             return "/maps/T_{low}.exr"

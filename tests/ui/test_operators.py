@@ -426,6 +426,8 @@ def test_the_panel_shows_every_setting(pair):
     settings.square, settings.distance_unit = False, "SCENE"
     for settings.output, settings.export in (("//map.dds", ""), ("//map.webp", "//low.glb")):
         shown.update(draw().properties)
+    settings.format = "AUTO"
+    shown.update(draw().properties)
     select(*(zoo.cube(name) for name in "ab"))
     bpy.data.objects["b"].location.x = 9.0
     shown.update(draw().properties)

@@ -43,6 +43,9 @@ def test_label_limits_and_default_are_those_of_the_declaration(name):
         elif isinstance(declared, kinds.WholeNumber):
             assert (prop.hard_min, prop.hard_max) == (declared.least, declared.most)
             assert name == "size" or prop.default == declared.default
+        elif isinstance(declared, kinds.Amount):
+            limits = prop.hard_min, prop.hard_max, prop.default
+            assert limits == pytest.approx((declared.least, declared.most, declared.default))
         elif isinstance(declared, kinds.Distance):
             assert prop.default == pytest.approx(declared.shown)
             # A Reach is a length only in scene units, for which the panel has another property.

@@ -49,6 +49,8 @@ def test_every_setting_of_a_set_has_a_pin_and_none_without_one(crate):
     for output, export in (("//map.dds", ""), ("//map.webp", "//low.glb")):  # some stand for such files alone
         use(output=output, export=export)
         pinned.update(pins(panel_layout.draw(panels=SETTINGS)))
+    use(format="AUTO")
+    pinned.update(pins(panel_layout.draw(panels=SETTINGS)))
     switches = {name for name in PART_OF if name.endswith("_limited")}
     # Textures stand for texture sets, and the main panel has size and samples.
     assert set(PART_OF) - pinned - switches <= {"texture_sets", "width", "height", "samples", "low_suffix"}

@@ -7,8 +7,9 @@ from .. import asset_limits, file_formats, levels, udim
 from ..file_formats import USUAL_DEPTH
 from ..naming import Suffixes
 from ..udim import TOKEN
-from .choices import Compression, Directions, Hit, Storage, Symmetry
+from .choices import Compression, Directions, Format, Hit, Storage, Symmetry
 from .kinds import (
+    Amount,
     Choice,
     Color,
     Distance,
@@ -258,6 +259,34 @@ OUTPUT: dict[str, Setting] = {
         label="Mip Levels",
         tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the "
         "map covers. DDS and KTX2 files always have them inside",
+    ),
+    "format": Choice(
+        label="Format",
+        tooltip="How the bits per channel, the blocks and the quality of files are chosen. Their ending stays",
+        default=Format.FIXED,
+        items=(
+            Item(Format.FIXED, "Fixed", "As Depth, Compression and Quality say"),
+            Item(
+                Format.AUTO,
+                "Auto",
+                "For each map, the smallest that keeps the limits below and that the target engines read. Maps of lengths, "
+                "emission, attributes and labels stay as with Fixed",
+            ),
+        ),
+    ),
+    "most_degrees": Amount(
+        label="Most Degrees",
+        tooltip="How far 99 % of the normals that Format Auto stores are off the bake at most",
+        default=1.0,
+        least=0.01,
+        most=90.0,
+    ),
+    "most_steps": Amount(
+        label="Most Steps",
+        tooltip="How far 99 % of the texels that Format Auto stores of other maps are off the bake at most, in steps of 255",
+        default=2.0,
+        least=0.1,
+        most=255.0,
     ),
     "compression": Choice(
         label="Compression",

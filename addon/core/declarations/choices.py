@@ -30,6 +30,13 @@ class Compression(StrEnum):
     BC7 = "BC7"
 
 
+class Format(StrEnum):
+    """How the depth, the blocks and the quality of files are chosen. AUTO: the smallest within limits, for each map."""
+
+    FIXED = "FIXED"
+    AUTO = "AUTO"
+
+
 class Hit(StrEnum):
     """Which hit of a ray counts."""
 

@@ -219,6 +219,27 @@ class WholeNumber(Setting):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Amount(Setting):
+    """A number between limits."""
+
+    least: float
+    """The smallest value."""
+    most: float
+    """The largest value."""
+    metavar: ClassVar[str] = "X"
+
+    def check(self, value: float) -> None:
+        if not self.least <= value <= self.most:
+            raise BakeError(f"{self.label}: {shown(value)} is outside {self.least:g} to {self.most:g}.")
+
+    def _typed(self, value: Any) -> float:
+        # What is compared here has any size: float() of a large whole number is an error.
+        if not (_is_number(value) and abs(value) <= Distance.LARGEST):
+            self._refuse(value, f"a number from {self.least:g} to {self.most:g}")
+        return float(value)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Distance(Setting):
     """A distance in scene units. None to measure it, or to use the default in `empty`. A default of 0 is none at all."""
 

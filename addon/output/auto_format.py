@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Chooses how a file stores a map: the smallest way that keeps a limit, by what is read back of each that was tried.
+
+The ending of the file stays, since it says what its readers load. What may change is the depth, the format of the blocks, or
+the quality.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core import file_formats
+from ..core.declarations import targets
+from ..core.declarations.choices import Compression, Space, Storage
+from ..core.map_types import BY_NAME, Kind, MapType, Range
+from ..core.settings import MapSettings, Settings, StorageSettings
+from . import value_encoding
+
+QUALITIES = (30, 40, 50, 60, 70, 75, 80, 85, 90, 93, 95, 97, 98, 99, 100)
+"""Those that are tried. Between them files differ by less than a tenth."""
+DEGREES, STEPS = "degrees", "steps"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What 99 % of the covered texels of a map keep.
+
+    Attributes:
+        unit: DEGREES, or STEPS of 255, of the channel that is off by most.
+        most: In that unit.
+    """
+
+    unit: str
+    most: float
+
+
+class Trial(NamedTuple):
+    """What is read of a map that was stored in one way.
+
+    Attributes:
+        texels: (height, width, 4) float32, as they were given.
+        size: Bytes, or a number that is larger where the file is.
+        blocks: Of level 0, if it has some.
+    """
+
+    texels: np.ndarray
+    size: int
+    blocks: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """How one file stores its map.
+
+    Attributes:
+        mean, percentile_99: Of the error of covered texels, in the unit of the limit.
+        trial: What is read of it, for as long as somebody asks.
+    """
+
+    storing: StorageSettings
+    limit: Limit
+    mean: float
+    percentile_99: float
+    trial: Trial | None
+
+    @property
+    def keeps_limit(self) -> bool:
+        return self.percentile_99 <= self.limit.most
+
+    def without_trial(self) -> "Chosen":
+        return replace(self, trial=None)
+
+    def to_dict(self) -> dict[str, float | str]:
+        """Plain data, for the report."""
+        limit, mean, most = self.limit, self.mean, self.percentile_99
+        return {
+            "format": label_of(self.storing),
+            "unit": limit.unit,
+            "limit": limit.most,
+            "mean": mean,
+            "percentile_99": most,
+        }
+
+
+def label_of(storing: StorageSettings) -> str:
+    """How a map is stored, in words, such as "WebP, quality 90". storing: of the map."""
+    if storing.storage != Storage.FILE:
+        return "32-bit floats" if storing.is_float else "8 bits"
+    file_format = file_formats.of(storing.output)
+    if file_format.is_blocks:
+        return f"{file_format.label}, {storing.compression}"
+    if not file_format.has_quality:
+        return f"{file_format.label}, {storing.depth} bits"
+    return f"{file_format.label}, {f'quality {storing.quality}' if storing.is_lossy else 'lossless'}"
+
+
+def limit_of(settings: Settings, map_type: MapType) -> Limit | None:
+    """What a map keeps if its format is looked for; None for one whose format stays as it is set.
+
+    That is one whose values have no range of 255 steps, or no mean. settings: of the map.
+    """
+    storing = settings.storing
+    if not storing.is_auto:
+        return None
+    if map_type.kind is Kind.NORMAL:
+        return Limit(DEGREES, storing.most_degrees)
+    has_steps = map_type.kind is Kind.VALUE and map_type.range is Range.UNIT and not map_type.is_unbounded
+    return Limit(STEPS, storing.most_steps) if has_steps else None
+
+
+def smallest(
+    texels: np.ndarray,
+    is_covered: np.ndarray,
+    settings: Settings,
+    map_type: MapType,
+    store: Callable[[StorageSettings], Trial],
+) -> Chosen:
+    """The smallest way to store a map that keeps its limit, or else the most exact one.
+
+    Args:
+        texels: (height, width, 4) float32 as they are stored, before they are rounded or encoded.
+        is_covered: (height, width) bool: the texels that count. Without any, all count.
+        settings: of the map, which has a limit.
+        store: tries a way.
+    """
+    limit = limit_of(settings, map_type)
+    assert limit is not None
+    where = is_covered if is_covered.any() else np.ones_like(is_covered)
+    before = _shown(texels[where], settings, map_type)
+    best: list[Chosen] = []
+    """One at most, since each has the texels of a map."""
+    qualities: list[int] = []
+
+    def keeps(storing: StorageSettings) -> bool:
+        trial = store(storing)
+        off = _errors(before, _shown(trial.texels[where], settings, map_type), limit.unit)
+        tried = Chosen(storing, limit, float(off.mean()), float(np.percentile(off, 99.0)), trial)
+        best[:] = [min(*best, tried, key=_rank)] if best else [tried]
+        qualities.append(storing.quality)
+        return tried.keeps_limit
+
+    storing = settings.storing
+    if file_formats.of(storing.output).has_quality:
+        _search([replace(storing, quality=quality) for quality in QUALITIES], keeps)
+        if QUALITIES[-1] not in qualities:  # flat maps are smallest without losses
+            keeps(replace(storing, quality=QUALITIES[-1]))
+    else:
+        next(filter(keeps, _ways(settings, map_type)), None)
+    return best[0]
+
+
+def _rank(chosen: Chosen) -> tuple[bool, float, float]:
+    """What keeps its limit comes first, the smallest before others; of what does not, the most exact."""
+    size = chosen.trial.size if chosen.trial else 0
+    if chosen.keeps_limit:
+        return False, size, chosen.percentile_99
+    return True, chosen.percentile_99, size
+
+
+def _search(ways: Sequence[StorageSettings], keeps: Callable[[StorageSettings], bool]) -> None:
+    """Try ways, the smallest first, in halves: those above one that keeps the limit are taken to keep it, too."""
+    first, last = 0, len(ways)
+    while first < last:
+        middle = (first + last) // 2
+        first, last = (first, middle) if keeps(ways[middle]) else (middle + 1, last)
+
+
+def _ways(settings: Settings, map_type: MapType) -> list[StorageSettings]:
+    """The ways to store a map without a quality that the target engines read, the smallest first."""
+    storing, file_format = settings.storing, file_formats.of(settings.storing.output)
+    engines = [targets.BY_NAME[name] for name in settings.map.targets]
+    if not file_format.is_blocks:
+        most = max((engine.depth for engine in engines), default=file_format.depths[-1])
+        depths = [depth for depth in file_format.depths if depth <= most] or file_format.depths[:1]
+        return [replace(storing, depth=depth) for depth in depths]
+    fits = [Compression.BC7]
+    if map_type.kind is Kind.NORMAL and _points_up(settings.map) and all(engine.rebuilds_z for engine in engines):
+        fits.insert(0, Compression.BC5)
+    elif map_type.is_gray and map_type.name in BY_NAME:
+        fits.insert(0, Compression.BC4)
+    return [replace(storing, compression=each) for each in fits]
+
+
+def _points_up(settings: MapSettings) -> bool:
+    """Whether z can be made from x and y."""
+    return settings.space == Space.TANGENT and settings.blue == "+Z"
+
+
+def _shown(texels: np.ndarray, settings: Settings, map_type: MapType) -> np.ndarray:
+    """The channels of texels (N, 4) that the map has, as displays have them: colors in floats are linear."""
+    if value_encoding.color_space(map_type, settings.storing) == value_encoding.LINEAR:
+        return value_encoding.to_srgb(texels[:, :3])
+    return texels[:, : 3 if map_type.name in BY_NAME else 4]
+
+
+def _errors(before: np.ndarray, after: np.ndarray, unit: str) -> np.ndarray:
+    """The errors (N,) of texels (N, 3 or 4)."""
+    if unit == DEGREES:
+        return value_encoding.angles_between(np.insert(before, 3, 1.0, axis=1), after)
+    return np.abs(after - before).max(axis=1) * np.float32(255.0)
