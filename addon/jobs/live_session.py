@@ -204,6 +204,11 @@ class Session:
         self._coarse = None
 
     @property
+    def normals(self) -> Map | None:
+        """The last normal map that was drawn, as it is before it is rounded or encoded, or None."""
+        return self._kept.map
+
+    @property
     def texels(self) -> np.ndarray | None:
         """The last normal map, (height, width, 4) float32 as it is stored, or None. It is read when it is first asked for."""
         return self._kept.texels

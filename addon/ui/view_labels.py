@@ -30,7 +30,12 @@ def title(lows: Sequence[str], name: str) -> str:
     return f"{objects}: {map_label(name)}"
 
 
-def draw(context: bpy.types.Context, mode: Mode, shown: str, deviations: view_shading.Deviations | None) -> None:
+def draw(
+    context: bpy.types.Context,
+    mode: Mode,
+    shown: str,
+    deviations: view_shading.Deviations | view_shading.FormatLoss | None,
+) -> None:
     """Write the texts of a mode over a view. shown: from `title`."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     visible = progress_display.visible_columns(context.area, context.region)
@@ -66,10 +71,14 @@ def draw_legend(context: bpy.types.Context) -> None:
     view_shading.draw_legend(_bar_position(context.region, scale), (BAR[0] * scale, BAR[1] * scale))
 
 
-def describe_deviations(deviations: view_shading.Deviations | None) -> list[str]:
-    """The deviations in two lines, and the share that was not measured in a third; empty without deviations."""
+def describe_deviations(deviations: view_shading.Deviations | view_shading.FormatLoss | None) -> list[str]:
+    """The deviations in two lines, and the share that was not measured in a third; what a format loses in one; empty without
+    deviations."""
     if deviations is None:
         return []
+    if isinstance(deviations, view_shading.FormatLoss):
+        mean, most = (f"{angle:.2f}{DEGREES}" for angle in (deviations.mean, deviations.percentile_99))
+        return [message("{}: mean {}, 99 % below {}").format(deviations.label, mean, most)]
     elsewhere = []
     if deviations.elsewhere >= SHOWN_SHARE:
         text = message("Purple: {} shows another place of the high mesh and is not measured: cast rays")

@@ -167,7 +167,7 @@ class IMPRINT_OT_view_show(_Show, bpy.types.Operator):
 
 
 class IMPRINT_OT_view_next(_Show, bpy.types.Operator):
-    """Show the next view: map, high, split, side by side, deviation, deviation without the map, off"""
+    """Show the next view: map, high, split, side by side, deviation, deviation without the map, format, off"""
 
     bl_idname = "imprint.view_next"
     bl_label = "Next View"

@@ -10,9 +10,11 @@ from enum import StrEnum
 import gpu
 import numpy as np
 
+from ..core import udim
 from ..core.declarations import targets
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
+from ..core.map_types import NORMAL, WRITTEN
 from ..core.settings import Settings
 from ..engine import live_redraw, normal_space, uv_agreement
 from ..engine.bands import Band
@@ -20,7 +22,8 @@ from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import value_encoding
-from ..passes import lit, mesh_upload, target, viewport
+from ..output.outputs import Outputs
+from ..passes import data_texture, lit, mesh_upload, target, viewport
 from .view_scene import PULL, Eye, Subject, ViewObjects, ViewScene, view_projection
 
 
@@ -34,10 +37,12 @@ class Mode(StrEnum):
     SIDES = "SIDES"
     DEVIATION = "DEVIATION"
     BARE_DEVIATION = "BARE_DEVIATION"
+    FORMAT = "FORMAT"
 
     @property
     def is_deviation(self) -> bool:
-        return self in {Mode.DEVIATION, Mode.BARE_DEVIATION}
+        """Whether it shows degrees."""
+        return self in {Mode.DEVIATION, Mode.BARE_DEVIATION, Mode.FORMAT}
 
     @property
     def has_high(self) -> bool:
@@ -59,6 +64,11 @@ ITEMS = [
     (Mode.SIDES.value, "Side by Side", "The high mesh beside the low mesh with the map, as the same camera sees them"),
     (Mode.DEVIATION.value, "Deviation", "Degrees between the low mesh with the map and the high surface"),
     (Mode.BARE_DEVIATION.value, "Without Map", "Degrees between the low mesh without the map and the high surface"),
+    (
+        Mode.FORMAT.value,
+        "Format",
+        "Degrees between the normals as they are baked and as the Output panel stores them: by depth, blocks or quality",
+    ),
 ]
 """The modes as items of an EnumProperty, in their order."""
 OWN = "OWN"
@@ -157,7 +167,7 @@ class Drawing:
                     scene, view_projection(eye, scene.local_space, OVER * (PULL if is_alone else scene.pull))
                 )
             else:
-                self.draw_deviation(scene, matrix, limit, is_bare=mode == Mode.BARE_DEVIATION)
+                self.draw_deviation(scene, matrix, limit, Mode(mode))
 
     def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
         """Draw the low mesh with the map."""
@@ -166,8 +176,8 @@ class Drawing:
     def draw_over(self, scene: ViewScene, matrix: np.ndarray) -> None:
         """Draw what lies over the map. matrix: a little nearer than that of the map."""
 
-    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, *, is_bare: bool) -> None:
-        """Draw how far the map is off, or the low mesh without it; nothing if that is not known."""
+    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, mode: Mode) -> None:
+        """Draw how far the map is off, the low mesh without it, or what is stored; nothing if that is not known."""
 
 
 def draw(
@@ -230,6 +240,20 @@ class Deviations:
     elsewhere: float = 0.0
 
 
+@dataclass(frozen=True)
+class FormatLoss:
+    """Degrees between the normals of a map and those that are read of it once it is stored, over texels of the low mesh.
+
+    Attributes:
+        label: The format, in words.
+        mean, percentile_99: Over all texels of the low mesh that have a hit.
+    """
+
+    label: str
+    mean: float
+    percentile_99: float
+
+
 def settings_for(settings: Settings) -> Settings:
     """Settings for the same map in memory only, with one tile, and small enough for a single band."""
     one_tile = settings.sampled(udim=False, tiles=()).mapped(texture_sets=False)
@@ -243,7 +267,8 @@ def settings_for(settings: Settings) -> Settings:
 class Shading(Drawing):
     """Draws a session with its map, lit, and the deviations of the map.
 
-    deviations: those of the map from the last `update` that measured them, or None. target_engine: the name of the program as
+    deviations: those of the map from the last `update` that measured them, or None. loss: what its format cost when that was
+    last measured, or None. target_engine: the name of the program as
     which a tangent-space map is read; empty for those that it is made for.
     """
 
@@ -258,6 +283,10 @@ class Shading(Drawing):
         super().__init__(session)
         self.session = session
         self.deviations: Deviations | None = None
+        self.loss: FormatLoss | None = None
+        self._stored: tuple[int, Settings] | None = None
+        """The map whose loss was measured, by its number, and its settings."""
+        self._lost: gpu.types.GPUTexture | None = None
         self.target_engine = ""
         self._number = 0
         self._measured: target.Target | None = None
@@ -278,13 +307,33 @@ class Shading(Drawing):
         if is_measured and self._measured is None:
             self._measure()
 
+    def update_loss(self, settings: Settings) -> None:
+        """Measure what the last map that was drawn loses as settings store it, unless that is known. Raises BakeError."""
+        settings = replace(self.session.settings.mapped(targets=settings.map.targets), storing=settings.storing)
+        drawn, known = self.session.normals, (self.session.drawn, settings)
+        if drawn is None or known == self._stored:
+            return
+        texels, state = drawn
+        with Outputs(settings) as outputs:
+            kept = outputs.kept(udim.FIRST, drawn)
+            label = outputs.format_of(NORMAL.name, udim.FIRST)
+        angles = np.zeros((*state.shape, 4), np.float32)
+        is_written = state == WRITTEN
+        off = value_encoding.angles_between(np.insert(texels[is_written][:, :3], 3, 1.0, axis=1), kept[is_written])
+        angles[is_written, 0], angles[is_written, 3] = off, 1.0
+        self._lost, self._stored = data_texture.image(angles), known
+        self.loss = FormatLoss(label, float(off.mean()), float(np.percentile(off, 99.0)))
+
     def draw_map(self, scene: ViewScene, matrix: np.ndarray, light: np.ndarray) -> None:
         low, normals = scene.low
         if self.session.map is not None:  # its memory may have been freed
             lit.draw(low, self.session.map, matrix, self._reading(normals, light))
 
-    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, *, is_bare: bool) -> None:
-        if self._measured is None or self.session.map is None:
+    def draw_deviation(self, scene: ViewScene, matrix: np.ndarray, limit: float, mode: Mode) -> None:
+        is_bare = mode is Mode.BARE_DEVIATION
+        if mode is Mode.FORMAT and self._lost is not None:
+            viewport.draw_deviation(scene.low[0], self._lost, matrix, limit=limit, without_map=False)
+        if mode is Mode.FORMAT or self._measured is None or self.session.map is None:
             return
         viewport.draw_deviation(scene.low[0], self._measured.texture, matrix, limit=limit, without_map=is_bare)
         if self._hidden_scene is not scene:

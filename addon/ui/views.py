@@ -105,9 +105,11 @@ class ViewMode:
         return self.own.session if self.own is not None else None
 
     @property
-    def deviations(self) -> view_shading.Deviations | None:
-        """The deviations of the shown map, after a mode that measures them was on."""
-        return self.shading.deviations if self.shading is not None else None
+    def deviations(self) -> view_shading.Deviations | view_shading.FormatLoss | None:
+        """The deviations of the shown map, after a mode that measures them was on, or what its format loses in that mode."""
+        if self.shading is None:
+            return None
+        return self.shading.loss if self.mode is Mode.FORMAT else self.shading.deviations
 
     @property
     def settings(self) -> Settings | None:
@@ -148,12 +150,16 @@ class ViewMode:
         if live.is_on or wanted is Mode.OFF:
             return wanted is Mode.OFF or self.session is not None
         has_own = low is not None and self.own is not None and self.own.is_of(low)
+        if wanted is Mode.FORMAT:  # what the file has is stored already
+            return has_own and not self._is_from_file
         return has_own or (not wanted.is_deviation and bool(maps_of(low)))
 
     def _wanted(self, context: bpy.types.Context) -> tuple:
         """What there is to show, to be compared with what was prepared."""
         lows = [(low.session_uid, _time_of_bake(low), *maps_of(low)) for low in self.lows_of(context)]
-        return self.mode, self.map, lows, self.session and self.session.job.low_ref.uid, live.is_on
+        session = self.session
+        stored = context.scene.imprint.settings_of(session.job) if session and self.mode is Mode.FORMAT else None
+        return self.mode, self.map, lows, session and session.job.low_ref.uid, live.is_on, stored
 
     # Turning on and off
 
@@ -174,7 +180,7 @@ class ViewMode:
             return
         try:
             if redrawn or not self.is_ready(context, wanted):
-                own = None if redrawn else _map_of_file(context, self.low_of(context), pace)
+                own = None if redrawn or wanted is Mode.FORMAT else _map_of_file(context, self.low_of(context), pace)
                 own = own or (yield from _drawn_map(context, pace))
                 self._free_own()
                 self.own = own
@@ -289,7 +295,10 @@ class ViewMode:
         if self.shows_session(maps_of(low)):
             if self.shading is None or self.shading.session is not self.session:
                 self.shading = view_shading.Shading(self.session)
-            self.shading.update(is_measured=self.mode.is_deviation, target_engine=target)
+            if self.mode is Mode.FORMAT:
+                self.shading.update_loss(context.scene.imprint.settings_of(self.session.job))
+            is_measured = self.mode.is_deviation and self.mode is not Mode.FORMAT
+            self.shading.update(is_measured=is_measured, target_engine=target)
             self._drawings = [self.shading]
         else:
             self._drawings = [self._prepared(context, low, target)]

@@ -7,16 +7,18 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+from PIL import Image
 
 import addon
 from addon.core.errors import BakeError
+from addon.core.map_types import WRITTEN
 from addon.passes import allocation, target
 from addon.ui import progress_display, view_labels, views
 from addon.ui.live import live
 from addon.ui.view_panel import HEADLIGHT
 from addon.ui.view_shading import SHOWN, Mode
 from addon.ui.views import viewer
-from tests.support import panel_layout, raster, zoo
+from tests.support import angles, panel_layout, raster, zoo
 from tests.support.panel import add
 from tests.support.snapshot import difference, snapshot
 
@@ -130,6 +132,35 @@ def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
     assert "reads green" not in panel_layout.draw(width=2000).text
     view().target = "OWN"
     assert "reads green" not in panel_layout.draw(width=2000).text
+
+
+def test_the_loss_of_the_format_is_that_of_its_file(pair, tmp_path):
+    """Also after a bake, when the image has what was stored."""
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.depth, settings.lossy_normals, settings.quality = "FILE", "8", True, 80
+    settings.output = str(tmp_path / "m.jpg")
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    view().mode = "DEVIATION"  # adopts the image
+    seen = drawn_pixels()
+    view().mode = "FORMAT"
+    found = viewer.deviations
+    assert not np.array_equal(drawn_pixels(), seen)
+    assert view_labels.describe_deviations(found) == [
+        f"JPEG, quality 80: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°"
+    ]
+    texels, state = viewer.session.normals
+    read = np.asarray(Image.open(settings.output).convert("RGB"), float)[::-1] / 255.0
+    off = angles.degrees(angles.decode(read), angles.decode(texels))[state == WRITTEN]
+    assert found.mean == pytest.approx(off.mean(), rel=1e-3)
+    assert found.percentile_99 == pytest.approx(np.percentile(off, 99), rel=1e-3)
+    settings.quality = 30
+    viewer.catch_up()
+    assert viewer.deviations.mean > 1.5 * found.mean
+    settings.format, settings.most_degrees = "AUTO", 3.0
+    viewer.catch_up()
+    assert 1.0 < viewer.deviations.percentile_99 <= 3.0
+    view().mode = "DEVIATION"  # what else is shown stays the same
+    assert not np.array_equal(drawn_pixels(), np.zeros_like(seen))
 
 
 def test_unmeasured_deviations_are_shown_as_text(pair):
