@@ -162,6 +162,10 @@ class Report:
     """With Format Auto, how each file stores its map, by path: the map, the format, bytes, and by how much what is read of it
     is off the bake, as mean and percentile_99, with the limit of the latter, in a unit, "degrees" or "steps" of 255. Of texels
     that the low mesh covers."""
+    compressed: dict[str, dict[str, float | str]] = _of("stored.compressed", default_factory=dict)
+    """What compressors of target engines leave of maps that are no normal maps, by name: the format, which is that of their
+    settings for high quality, and the mean and percentile_99 of the steps of 255 that texels are off the bake. On a sample of
+    texels that the low mesh covers; at least, as fast encoders lose more."""
     image: str = _of("stored.image.name", default="")
     """The name of the image in the .blend."""
     output: list[str] = _of("stored.paths", default_factory=list)
@@ -426,6 +430,11 @@ class Report:
             off = f"off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
             details.append(f"Stored: normals {'exact' if self.loss['maximum'] < EXACT else off}")
         details += [_stored_as(path, how) for path, how in self.formats.items()]
+        details += [
+            f"Target engines that compress {name.replace('_', ' ')} to {how['format']}: at least {how['mean']:.2g} steps of 255"
+            f" off (mean), {how['percentile_99']:.2g} (99th percentile)"
+            for name, how in self.compressed.items()
+        ]
         details += self._ranges(length)
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         if count := sum(map(len, self.mip_files.values())):

@@ -106,8 +106,12 @@ def limit_of(settings: Settings, map_type: MapType) -> Limit | None:
         return None
     if map_type.kind is Kind.NORMAL:
         return Limit(DEGREES, storing.most_degrees)
-    has_steps = map_type.kind is Kind.VALUE and map_type.range is Range.UNIT and not map_type.is_unbounded
-    return Limit(STEPS, storing.most_steps) if has_steps else None
+    return Limit(STEPS, storing.most_steps) if has_steps(map_type) else None
+
+
+def has_steps(map_type: MapType) -> bool:
+    """Whether the values of a map go from 0 to 1, and have a mean."""
+    return map_type.kind is Kind.VALUE and map_type.range is Range.UNIT and not map_type.is_unbounded
 
 
 def smallest(

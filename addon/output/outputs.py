@@ -21,12 +21,14 @@ import numpy as np
 from ..blocks import formats
 from ..blocks.formats import Purpose
 from ..core import file_formats, udim
+from ..core.declarations import targets
 from ..core.declarations.choices import Compression, Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
 from ..core.map_types import BY_NAME, MASK, MISSED, NORMAL, VECTOR_DISPLACEMENT, WRITTEN, Kind, Labeled, Map, MapType
 from ..core.sentences import LOOK, NOTE, WRONG, Sentence, rated
 from ..core.settings import Settings, StorageSettings
 from ..core.udim import TOKEN
+from ..passes import block_encoding
 from . import atomic_file, auto_format, datablocks, image_file, journal, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
 from .auto_format import Chosen, Trial
@@ -104,6 +106,18 @@ def _is_dithered(storing: StorageSettings) -> bool:
     return storing.dither and storing.depth == 8 and not storing.is_blocks
 
 
+COMPRESSED = 1 << 15
+"""About so many texels of a tile are compressed to measure what that costs: BC7 takes seconds for many on a software driver."""
+
+
+def _compressor(settings: Settings, map_type: MapType | None) -> str:
+    """The format of blocks to which a target engine compresses a map that is no normal map; empty for none."""
+    if map_type is None or settings.storing.is_blocks or not auto_format.has_steps(map_type):
+        return ""
+    formats_of_others = (targets.BY_NAME[name].compresses_others for name in settings.map.targets)
+    return next(filter(None, formats_of_others), "")
+
+
 class MapWriter:
     """Stores one map in an image datablock and in files. Before `commit`, no datablock or existing file changes.
 
@@ -145,6 +159,9 @@ class MapWriter:
         self.color_space, self.has_image = color_space, has_image
         self._purpose, self._is_signed, self._levels = purpose, is_signed, levels
         self._map_type = map_type if map_type and auto_format.limit_of(settings, map_type) else None
+        self._compressor = _compressor(settings, map_type)
+        self._steps_off: list[np.ndarray] = []
+        """What it leaves of each tile."""
         self.chosen: dict[int, Chosen] = {}
         """How the file of each tile stores its map, if that was looked for; what was read of it until the tile is added."""
         self._sizes: dict[int, int] = {}
@@ -246,6 +263,8 @@ class MapWriter:
             self.backwards += int(np.count_nonzero((texels[..., 2] < 0.5) & (texels[..., 3] > 0.0)))
         if self.is_normal and level == 0:
             self._note_loss(texels, stored, storing)
+        if self._compressor and level == 0 and is_covered is not None:
+            self._note_compressed(texels, stored, is_covered)
         if self.has_kept and is_kept is not None:
             self._keep(tile, stored, is_kept)
         if self._path:
@@ -286,6 +305,29 @@ class MapWriter:
         else:
             return
         self._angles.append(value_encoding.angles_between(before, after))
+
+    def _note_compressed(self, texels: np.ndarray, stored: np.ndarray, is_covered: np.ndarray) -> None:
+        """Note what the compressor of a target engine leaves of the texels of a tile."""
+        before, given, where = (value_encoding.sample_blocks(each, COMPRESSED) for each in (texels, stored, is_covered))
+        if self.color_space == value_encoding.LINEAR:
+            given = np.dstack([value_encoding.to_srgb(given[..., :3]), given[..., 3:]])
+            before = np.dstack([value_encoding.to_srgb(before[..., :3]), before[..., 3:]])
+        given = given if self.is_packed else np.dstack([given[..., :3], np.ones_like(given[..., 3:])])
+        shown = block_encoding.compressed(given, self._compressor)
+        off = np.abs(shown - before)[where][:, : 4 if self.is_packed else 3].max(axis=1)
+        self._steps_off.append(off * np.float32(255.0))
+
+    @property
+    def compressed(self) -> dict[str, float | str]:
+        """As Report.compressed has it; empty if no target engine compresses the map."""
+        off = np.concatenate(self._steps_off) if self._steps_off else np.empty(0)
+        if not len(off):
+            return {}
+        return {
+            "format": formats.BY_NAME[self._compressor].label,
+            "mean": float(off.mean()),
+            "percentile_99": float(np.percentile(off, 99.0)),
+        }
 
     def _blocks(
         self, storing: StorageSettings, levels: Sequence[np.ndarray] = (), first: np.ndarray | None = None
@@ -462,7 +504,7 @@ class Stored:
         images: Those of all maps.
         paths: The files of the normal map by tile, then those of each other map.
         tiles: UDIM numbers.
-        mip_files, maps, attributes, loss, formats: As in Report.
+        mip_files, maps, attributes, loss, formats, compressed: As in Report.
         warnings: Sentences.
     """
 
@@ -475,6 +517,7 @@ class Stored:
     attributes: dict[str, str]
     loss: dict[str, float]
     formats: dict[str, dict[str, Any]]
+    compressed: dict[str, dict[str, float | str]]
     warnings: list[str]
 
 
@@ -530,7 +573,7 @@ class Outputs:
         self._kept: dict[int, np.ndarray] = {}
         """The texels of each tile that stay as they are stored."""
         self._covered: dict[int, np.ndarray] = {}
-        """The texels (height, width) bool of each tile that the low mesh has, if a format is looked for."""
+        """The texels (height, width) bool of each tile that the low mesh has, if errors are measured on them."""
         self._vertices: list[VertexMaps] = []
         self._hides_misses = False
         """Whether a file has texels without a hit, and nothing that shows which."""
@@ -589,7 +632,7 @@ class Outputs:
             return
         for vertices in self._vertices:
             vertices.add(tile, maps)
-        if self.settings.storing.is_auto:
+        if self.settings.storing.is_auto or any(targets.BY_NAME[each].compresses for each in self.settings.map.targets):
             self._covered[tile] = state == WRITTEN
         if NORMAL.name in self._writers:
             self._add(NORMAL.name, 0, tile, texels, is_kept)
@@ -673,6 +716,7 @@ class Outputs:
                 for name, writer in self._writers.items()
                 for path, how in writer.formats.items()
             },
+            compressed={name.lower(): how for name, writer in self._writers.items() if (how := writer.compressed)},
             warnings=warnings,
         )
 

@@ -70,13 +70,14 @@ def sample_texels(texels: np.ndarray) -> np.ndarray:
     return flat[:: (len(flat) // SAMPLES) | 1]  # an odd step does not take the same few columns of each row
 
 
-def sample_blocks(texels: np.ndarray) -> np.ndarray:
-    """Some rows of blocks of 4 x 4 texels, (4 B, width, 4), from all parts of (height, width, 4); all if there are few."""
+def sample_blocks(texels: np.ndarray, most: int = SAMPLES) -> np.ndarray:
+    """Some rows of blocks of 4 x 4 texels, (4 B, width, ...), from all parts of (height, width, ...): about `most` texels, or
+    all if there are no more."""
     height, width = texels.shape[:2]
-    if height * width <= SAMPLES:
+    if height * width <= most:
         return texels
-    rows = texels[height % 4 :].reshape(-1, 4, width, 4)  # blocks begin at the top
-    return rows[:: (height * width // SAMPLES) | 1].reshape(-1, width, 4)
+    rows = texels[height % 4 :].reshape(-1, 4, *texels.shape[1:])  # blocks begin at the top
+    return rows[:: (height * width // most) | 1].reshape(-1, *texels.shape[1:])
 
 
 def angles_between(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from addon.blocks.formats import BC7, Purpose
 from addon.core.errors import BakeError
 from addon.core.map_types import MARGIN, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
@@ -236,3 +237,33 @@ def test_maps_of_others_are_not_stored_again(tmp_path):
     assert only(reports[0].formats) == only(reports[1].formats)
     with pytest.raises(BakeError, match="chosen for all texels"):
         bake_pair(bpy.context, lows[0], [high], settings)
+
+
+@pytest.mark.parametrize("name", ["m.png", "m.exr"])
+def test_the_steps_that_a_compressor_costs_colors(tmp_path, name):
+    """By our encoder, in a file that OpenImageIO decodes. Only covered texels count, and flat colors lose at most a step."""
+    linear = np.random.default_rng(4).random((SIDE, SIDE, 3)) ** 2
+    shown = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    state = np.full((SIDE, SIDE), WRITTEN, np.uint8)
+    state[: SIDE // 2] = MARGIN
+    others = {"BASE_COLOR": linear, "AO": np.full((SIDE, SIDE, 3), 0.4)}
+    values = {"maps": ("BASE_COLOR", "AO"), "targets": ("three", "unreal"), "format": "FIXED", "depth": 16}
+    result, _ = stored(tmp_path, name, FLAT, others, state, **values)
+    texels = np.dstack([np.round(shown * 255) / 255, np.ones((SIDE, SIDE))]).astype(np.float32)
+    how = image_file.Blocks(BC7, Purpose.DATA, has_map_in_alpha=True)
+    path = tmp_path / "by_hand.dds"
+    how.content(texels, path, has_alpha=True, is_color=False, note="").write(path, iter(()))
+    off = np.abs(pictures.as_stored(path)[::-1, :, :3] / 255.0 - shown).max(axis=2)[SIDE // 2 :] * 255.0
+    found = result.compressed["base_color"]
+    assert found["format"] == "BC7"
+    assert found["mean"] == pytest.approx(off.mean(), rel=2e-3)
+    assert found["percentile_99"] == pytest.approx(np.percentile(off, 99), rel=2e-3)
+    assert result.compressed["ao"]["percentile_99"] <= 1.0
+    assert "normal" not in result.compressed
+
+
+@pytest.mark.parametrize("values", [{"targets": ("three",)}, {"targets": ("unreal",), "name": "m.dds"}])
+def test_no_steps_where_nothing_compresses(tmp_path, values):
+    name = values.pop("name", "m.png")
+    result, _ = stored(tmp_path, name, FLAT, {"AO": FLAT}, maps=("AO",), format="FIXED", **values)
+    assert result.compressed == {}

@@ -38,6 +38,8 @@ class TargetEngine:
         export: The ending of the files with meshes that it reads best; empty for Blender.
         compresses: The format of blocks (blocks.formats.BY_NAME) in which it stores normal maps that it imports, by its usual
             settings on desktops. Unity's DXT5nm stores red as BC5 does, and green coarser. Empty if it leaves them as they are.
+        compresses_others: The same of other maps, by its settings for high quality. By its usual ones it takes BC1 and BC3,
+            which lose more.
     """
 
     name: str
@@ -53,6 +55,7 @@ class TargetEngine:
     pack: str = Pack.NONE
     export: str = ".fbx"
     compresses: str = ""
+    compresses_others: str = ""
 
 
 _LINEAR = "As a normal map, linear"
@@ -60,7 +63,7 @@ _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
 _PAINTER = f"{NAME}_normal_base"
 """Names by which Substance 3D Painter finds its mesh maps: those of other maps follow, see MapType.painter_suffix."""
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
-_BC5 = "bc5"
+_BC5, _BC7 = "bc5", "bc7"
 _UNMEASURED = ", and not measured"
 _OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
 
@@ -100,6 +103,7 @@ TARGETS = (
         names="T_{name}_N",
         pack=Pack.UNREAL,
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine(
         "unity",
@@ -113,6 +117,7 @@ TARGETS = (
         names="{name}_Normal",
         pack=Pack.URP,
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine(
         "unity-built-in",
@@ -126,6 +131,7 @@ TARGETS = (
         names="{name}_Normal",
         pack=Pack.URP,
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine(
         "godot",
@@ -138,6 +144,7 @@ TARGETS = (
         pack=Pack.GODOT,
         export=".glb",
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine(
         "godot-old",
@@ -150,6 +157,7 @@ TARGETS = (
         pack=Pack.GODOT,
         export=".glb",
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
     TargetEngine(
@@ -206,6 +214,7 @@ TARGETS = (
         names="{name}_Normal",
         pack=Pack.HDRP,
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     TargetEngine(
         "toolbag",
@@ -248,6 +257,7 @@ TARGETS = (
         names="{name}_Normal",
         pack=Pack.URP,
         compresses=_BC5,
+        compresses_others=_BC7,
     ),
     # Valve Developer Community, "Bump map": tangent space, X+ Y- Z+; "Texture": sizes.
     TargetEngine(
