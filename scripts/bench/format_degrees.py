@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures what storing a normal map costs, in degrees: Imprint's blocks beside 8-bit files and the encoders of others.
+"""Measures what storing a normal map costs, in degrees: Imprint's blocks beside 8-bit, WebP and JPEG files and the encoders of
+others.
 
     .venv/bin/python scripts/bench/format_degrees.py [PAIR.blend ...] [--size 1024] [--samples 4] [--rivals FOLDER]
 
@@ -19,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,11 +33,14 @@ import numpy as np  # noqa: E402
 import addon  # noqa: E402
 from addon.blocks.decoding import decoded  # noqa: E402
 from addon.blocks.formats import BC5, BC7, BlockFormat, Purpose  # noqa: E402
+from addon.output import image_file  # noqa: E402
 from addon.passes.block_encoding import encoded  # noqa: E402
 from tests.support import angles, maps  # noqa: E402
 
 NAMES = "helmet_23358_6117", "kepler_199712_9079", "king_40480_4000", "spot_1696_536"
 MARGIN = 16
+QUALITIES = 100, 90, 75
+"""Of WebP and JPEG. WebP has no losses at 100."""
 BESIDE = 1.0 / 16.0
 """The weight of texels that the low mesh does not cover."""
 
@@ -54,7 +59,17 @@ def imprint_encoders(weights: np.ndarray) -> dict[str, Encoder]:
         return decoded(encoded(opaque, BC7, Purpose.NORMAL, weights), BC7)[..., :3]
 
     plain: dict[str, Encoder] = {"8-bit RGB": eight_bits, "8-bit RG": lambda texels: eight_bits(texels)[..., :2]}
-    return {**plain, "BC5, Imprint": bc5, "BC7, Imprint": bc7}
+    lossy = {
+        f"{name} {quality}": partial(in_file, ending=ending, quality=quality)
+        for name, ending in (("WebP", ".webp"), ("JPEG", ".jpg"))
+        for quality in QUALITIES
+    }
+    return {**plain, "BC5, Imprint": bc5, "BC7, Imprint": bc7, **lossy}
+
+
+def in_file(texels: np.ndarray, ending: str, quality: int) -> np.ndarray:
+    """The map as a file of a lossy format keeps it, (H, W, 3)."""
+    return image_file.after_losses(texels, f"map{ending}", quality)[..., :3]
 
 
 def eight_bits(texels: np.ndarray) -> np.ndarray:
