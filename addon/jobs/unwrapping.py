@@ -443,14 +443,18 @@ class _Unwrapping:
         mirror = uv_stacks.mirror(self._mesh, starts, materials)
         if mirror is None:
             return None
-        known, found = packed.way.flattened, []
+        known, found, keys = packed.way.flattened, [], set()
         most = max(self._most, packed.layout.islands)
         for is_cut, side in itertools.product((False, True), (1, -1)):
             each = replace(mirror, sides=side * mirror.sides)
             flattened = yield from self._flattener.mirrored(known, each, packed.way.seams, is_cut=is_cut)
             if flattened is known:
                 return None
-            if flattened is not None and len(flattened.stretch) <= most:
+            if flattened is None or len(flattened.stretch) > most:
+                continue
+            key = side, topology.first_rows(flattened.labels[:, None]).tobytes()
+            if key not in keys:  # cuts in the plane may change nothing
+                keys.add(key)
                 way = replace(packed.way, flattened=flattened)
                 quick = yield from self.packed(way, is_quick=True)
                 found.append((quick.layout.figure, -len(found), way, each))

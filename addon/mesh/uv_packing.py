@@ -54,8 +54,8 @@ BOXY = 0.8
 WAYS = ((0, False), (0, True), (24, False), (8, True), (60, True), (24, True))
 """Ways to put islands in rows, tried in turn: in how many blocks, about, 0 for rows as wide as the map in one; and whether all
 that fill their boxes are in rows, or small ones alone."""
-STRIP = 1.5
-"""How high the strip is, in maps."""
+STRIP, TOO_HIGH = 1.5, 2.0
+"""How high the strip is, in maps, and by how much more islands take at most that do not fit."""
 FULL, ROUNDING = 0.85, 0.7
 """The share of the strip that is expected to be filled, and by how many cells whole ones make a side longer."""
 LEAST_SHARE = 0.02
@@ -305,8 +305,9 @@ class _Search:
                 smallest_too_large = min(smallest_too_large, size)
                 following = max(min(following, size / STEP), least)
             else:
-                best, largest = found, size
-                following = max(following, size * STEP)
+                # In a slow search, the sizes between are worth their tries: each shuffles the orders anew.
+                best, largest = found, size * (max(1.0, self._room(found)) if self.is_quick else 1.0)
+                following = max(following, largest * STEP)
             if best is not None:
                 if following <= largest or following >= smallest_too_large:
                     following = np.sqrt(largest * smallest_too_large)
@@ -366,10 +367,16 @@ class _Search:
 
     def _filling(self, places: _Places) -> _Places:
         """Places so that islands just reach two opposite sides of the map, with the margin."""
-        points = places.move(self.given.points, self.given.of)
-        least, most = points.min(axis=0), points.max(axis=0)
-        factor = (1.0 - 2.0 * self.margin) / max((most - least).max(), 1e-300)
+        least = places.move(self.given.points, self.given.of).min(axis=0)
+        factor = self._room(places, self.given)
         return _Places(places.matrices * factor, self.margin + (places.offsets - least) * factor)
+
+    def _room(self, places: _Places, outlines: Outlines | None = None) -> float:
+        """By which factor islands may be larger until they reach two opposite sides of the map, with the margin. outlines:
+        what is moved; None for upright islands."""
+        outlines = self.outlines if outlines is None else outlines
+        extent = np.ptp(places.move(outlines.points, outlines.of), axis=0).max()
+        return float((1.0 - 2.0 * self.margin) / max(extent, 1e-300))
 
     def _alone(self) -> _Places:
         """One island, in the smallest square: upright, if others are hardly smaller."""
@@ -524,7 +531,7 @@ class _Search:
                     best, lowest = (k, shape, *place), place[1] + above
             if best is None:
                 cells = directions[0].shapes.cells
-                return rows * max(1.05, cells.sum() / max(1, cells[list(places)].sum())), {}
+                return rows * min(max(1.05, cells.sum() / max(1, cells[list(places)].sum())), TOO_HIGH), {}
             places[item] = best
             k, shape, column, row = best
             strip.add(directions[k].shapes, shape, column, row)

@@ -259,6 +259,17 @@ def test_values_are_those_of_the_place_along_the_edge():
     assert values[target[state.wedges[touching]], :2] == pytest.approx(np.tile(expected, (touching.sum(), 1)))
 
 
+@pytest.mark.parametrize(("share", "is_good"), [(0.051, True), (0.049, False)])
+def test_a_triangle_keeps_a_twentieth_of_its_area_in_the_layout(share, is_good):
+    """Of a flat grid, whose layout has so small a share of what it was for its area on the surface."""
+    points, triangles = grid(4)
+    state, edges, _ = begun(charted(points, triangles, np.zeros(len(triangles), int), LEFT))
+    inner = np.flatnonzero((np.abs(points[edges.ends][..., :2]) < 1.0).all(axis=(1, 2)))[:1]
+    state.scales = state.scales / share
+    places = state.points[edges.ends[inner]].mean(axis=1)
+    assert state._is_good(edges, inner, places).all() == is_good
+
+
 @pytest.mark.parametrize("layer", [0, 1])
 def test_nothing_folds_in_a_layout_that_is_a_swirl(layer):
     """It turns by three radians from the middle to the corners of a flat square. The other layer is the square itself."""

@@ -96,6 +96,16 @@ def test_an_island_lies_in_the_hole_of_another():
     assert area(packed) > 0.94 * area(corners)
 
 
+def test_a_quick_search_tries_few_sizes(monkeypatch):
+    """Of strips of 20 that do not fit at first, 5: what was found tells how large it can be, until it fills the map."""
+    sizes, tries = [], uv_packing._Search._try
+    monkeypatch.setattr(uv_packing._Search, "_try", lambda search, size: sizes.append(size) or tries(search, size))
+    strip = np.array([[0, 0], [1, 0], [1, 20], [0, 20]], float)[np.array([[0, 1, 2], [0, 2, 3]])]
+    packed = pack(np.concatenate([strip, strip + (5.0, 0.0)]), np.array([0, 0, 1, 1]), MARGIN, is_quick=True)
+    assert len(sizes) <= 6
+    assert packed.max() == pytest.approx(1.0 - MARGIN, abs=1e-6)
+
+
 def test_an_island_much_longer_than_the_map_does_not_stop_the_search():
     """Nothing is packed, as the other island would have no cell."""
     corners = np.array([[(0.0, 0.0), (1e6, 0.0), (1e6, 1.0)], [(0.0, 2.0), (500.0, 2.0), (0.0, 502.0)]])
