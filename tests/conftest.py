@@ -30,7 +30,8 @@ ASSETS = imprint.ROOT.parent / "shared" / "assets"
 
 
 LONGEST = (
-    *("test_other_drivers", "test_blender_engines", "test_asset_zoo", "test_asset", "test_spirv", "test_workers"),
+    *("test_other_drivers", "test_blender_engines", "test_asset_zoo", "test_asset", "test_part_state", "test_random"),
+    *("test_skins", "test_spirv", "test_workers", "test_uses"),
     *("test_every_texel", "test_saved_files", "test_slices", "test_appearance", "test_openness", "test_endurance"),
 )
 """The files that take longest, with the slow tests. They come first, so that no process is left with one at the end."""

@@ -759,7 +759,7 @@ def read(sets, more):
         return [], {int(number): text for number, text in found}
 
 
-@random_cases.seeds(12, fast=1)
+@random_cases.seeds(6, fast=1)
 def test_sets_are_read_as_the_parser_reads_them(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
