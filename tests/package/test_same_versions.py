@@ -31,8 +31,14 @@ ON_BACKENDS = [
 versions = pytest.mark.parametrize("version", blender_packages.PYTHONS)
 older_versions = pytest.mark.parametrize("version", OLDER)
 versions_on_backends = pytest.mark.parametrize(("version", "backend"), ON_BACKENDS)
-TESTS = ("tests/scene", "tests/output/test_materials.py", "tests/ui/test_live.py", "tests/ui/test_live_maps.py")
-"""What is run in the newest version, of the fast lane: where Blender itself has changed most."""
+TESTS = (
+    "tests/scene",
+    "tests/output/test_materials.py",
+    "tests/passes/test_block_encoding.py",
+    "tests/ui/test_live.py",
+    "tests/ui/test_live_maps.py",
+)
+"""What is run in the newest version, of the fast lane: where Blender itself has changed most, and blocks on Vulkan, to the bit."""
 
 
 def python_of(version):
