@@ -64,8 +64,9 @@ class Mean:
     def halve(self) -> None:
         """Go to the next level."""
         if self._sums is None:
-            parts = [[halved(values) for values in self._written(rows)] for rows in slabs(len(self.state))]
-            self._sums = Sums(*map(np.concatenate, zip(*parts, strict=True)))
+            parts = [[halved(values) for values in self._counted(rows)] for rows in slabs(len(self.state))]
+            values, hits, misses = map(np.concatenate, zip(*parts, strict=True))
+            self._sums = Sums(self._decoded(values), hits, misses)
         else:
             self._sums = Sums(*map(halved, self._sums))
 
@@ -74,23 +75,30 @@ class Mean:
         if self._sums is None:
             raise ValueError("level 0 is the map itself")
         values, hits, misses = self._sums
-        weights = np.linalg.norm(values, axis=-1) if self.is_normal else hits
+        weights = np.sqrt(np.einsum("ijk,ijk->ij", values, values)) if self.is_normal else hits
         is_known = (hits > 0.0) & (weights > 0.0)
-        result = np.zeros((*is_known.shape, 4), np.float32)
-        np.divide(values, weights[..., None], out=result[..., :3], where=is_known[..., None])
+        result = np.empty((*is_known.shape, 4), np.float32)
+        np.divide(values, np.where(is_known, weights, np.float32(np.inf))[..., None], out=result[..., :3])
         result[..., 3] = np.where(is_known, 1.0, -np.sign(misses))
         return result
 
     def first(self, rows: slice) -> np.ndarray:
         """These rows of level 0, as `raw` has them."""
-        values, hits, misses = self._written(rows)
-        return np.concatenate([values, (hits - misses)[..., None]], axis=-1)
+        values, hits, misses = self._counted(rows)
+        return np.concatenate([self._decoded(values), (hits - misses)[..., None]], axis=-1)
 
-    def _written(self, rows: slice) -> "Sums":
-        hits = (self.state[rows] == WRITTEN).astype(np.float32)
-        misses = np.isin(self.state[rows], (MISSED, FILLED)).astype(np.float32)
-        values = self.texels[rows, :, :3]
-        return Sums(((values - 0.5) @ self.decode if self.is_normal else values) * hits[..., None], hits, misses)
+    def _counted(self, rows: slice) -> "Sums":
+        """These rows of level 0, whose values `_decoded` takes: sums are decoded, as they are fewer."""
+        state = self.state[rows]
+        hits = (state == WRITTEN).astype(np.float32)
+        misses = ((state == MISSED) | (state == FILLED)).astype(np.float32)
+        # In memory, channels lie apart: numpy is slow where the last axis has three elements.
+        values = np.subtract(np.moveaxis(self.texels[rows, :, :3], 2, 0), np.float32(0.5 * self.is_normal), order="C")
+        values *= hits
+        return Sums(np.moveaxis(values, 0, 2), hits, misses)
+
+    def _decoded(self, values: np.ndarray) -> np.ndarray:
+        return values @ self.decode if self.is_normal else values
 
 
 class Sums(NamedTuple):

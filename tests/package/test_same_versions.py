@@ -38,7 +38,7 @@ TESTS = (
     "tests/ui/test_live.py",
     "tests/ui/test_live_maps.py",
 )
-"""What is run in the newest version, of the fast lane: where Blender itself has changed most, and blocks on Vulkan, to the bit."""
+"""What the newest version runs, of the fast lane: where Blender itself has changed most, and blocks to the bit, on Vulkan."""
 
 
 def python_of(version):
