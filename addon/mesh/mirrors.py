@@ -79,7 +79,7 @@ def plane_of(
 
     for axis in axes:
         middle = float(least[axis] + most[axis]) / 2.0
-        plane = Plane(axis, 0.0 if abs(middle) <= OFF * size else middle)
+        plane = Plane(axis, 0.0 if abs(middle) <= OFF * size / 2.0 else middle)  # images are off by twice as much
         if share(plane, some.spread(FIRST_MEASURED)) >= FIRST_SHARE and share(plane, some) >= SHARE:
             return plane
     return None

@@ -50,6 +50,27 @@ def test_small_differences_count_from_a_thousandth_of_the_size_on(moved, is_foun
     assert plane_of(points, [0, 1]) == Plane(0 if is_found else 1, 0.0)
 
 
+@pytest.mark.parametrize(("long", "moved", "is_found"), [(3.0, 0.0056, True), (3.0, 0.0064, False)])
+def test_the_size_is_the_longest_side(long, moved, is_found):
+    points = CUBE * (1.0, 1.0, long)
+    points[5::2, 0] += moved
+    assert (plane_of(points, [0]) is not None) == is_found
+
+
+@pytest.mark.parametrize(
+    ("middle", "place"), [(0.00096, 0.0), (-0.00096, 0.0), (0.00104, 0.00104), (-0.00104, -0.00104)]
+)
+def test_a_middle_near_0_is_taken_for_0(middle, place):
+    """Up to half of a thousandth of the size, here 2: images are off by twice as much."""
+    found = plane_of(CUBE + (middle, 0.0, 0.0), [0])
+    assert found.place == pytest.approx(place, abs=1e-6) and (found.place == 0.0) == (place == 0.0)
+
+
+def test_vertices_that_no_triangle_uses_move_no_plane():
+    points = np.concatenate([CUBE + (5.0, 0.0, 0.0), [(99.0, 0.0, 0.0)]])
+    assert plane_of(points, [0]).place == pytest.approx(5.0)
+
+
 @pytest.mark.parametrize(("slope", "is_found"), [(0.3, True), (0.7, False)])
 def test_the_sides_have_the_same_normals(slope, is_found):
     """A sheet with folds on one side that hardly rise above it."""
@@ -125,6 +146,20 @@ def test_two_halves_are_one_mesh_that_equals_its_mirror_image_to_the_bit(place):
     assert place or middle == 0.0
 
 
+def test_what_came_beyond_the_plane_lies_in_it():
+    """A pyramid whose tip fitting has moved through its bottom."""
+    points = np.array([(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (-0.2, 0.5, 0.5)], float)
+    both, _ = mirrors.joined(points, np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]), Plane(0, 0.0))
+    assert (both[:, 0] == 0.0).all()
+
+
+def test_vertices_that_rounding_moved_off_the_plane_are_in_it():
+    points = CUBE.copy()
+    points[::2, 0] = (-1e-7, 1e-7, 1e-7, -1e-7)
+    cut, triangles = mirrors.half(points, TRIANGLES, Plane(0, 0.0))
+    assert len(cut) == 8 and (cut[:, 0] == 0.0).sum() == 4 and face_areas(cut, triangles).sum() == pytest.approx(12.0)
+
+
 def test_borders_that_were_there_stay_open():
     """A strip across the plane, whose sides are open."""
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], float)
@@ -149,18 +184,34 @@ def test_a_border_near_the_plane_as_a_whole_belongs_to_the_cut(place, is_cut):
     assert len(both) == (6 if is_cut else 10) and EdgeTable.of(faces).is_open.any() != is_cut
 
 
+# A tent on four corners in the plane, A, B, P and Q, whose ridge from L to R has sagged to the edge from A to B.
+A, B, P, Q, L, R, FIN = range(7)
+TENT = np.array([(0, 0, 0), (0, 1, 0), (0, 0.5, 1), (0, 0.5, -1), (1, 0.5, 0.6), (1, 0.5, -0.6), (2, 0.5, 0)], float)
+LEFT, RIGHT = [(A, B, L), (L, B, P), (A, L, P)], [(B, A, R), (R, A, Q), (B, R, Q)]
+
+
 def test_an_edge_through_the_plane_turns():
-    """A wedge with one edge in the plane, and two corners beyond it: four triangles would meet at that edge."""
-    points = np.array([(0, 0, 0), (0, 1, 0), (1, 0.5, -1), (1, 0.5, 1)], float)
-    triangles = np.array([(0, 1, 3), (1, 0, 2), (0, 3, 2), (1, 2, 3)])
-    both, faces = mirrors.joined(points, np.array([(0, 1, 3), (1, 0, 2)]), Plane(0, 0.0))
-    assert not EdgeTable.of(faces).is_against.any() and len(triangles) == 4
-    far = np.concatenate([points, [(0, -1, 0), (0, 2, 0)]])
-    half = np.array([(0, 1, 3), (1, 0, 2), (0, 3, 4), (2, 0, 4), (3, 1, 5), (1, 2, 5)])
-    both, faces = mirrors.joined(far, half, Plane(0, 0.0))
+    """Four triangles would meet at it."""
+    both, faces = mirrors.joined(TENT[:FIN], np.array([*LEFT, *RIGHT]), Plane(0, 0.0))
     edges = EdgeTable.of(faces)
-    assert (edges.counts <= 2).all() and not edges.is_against.any()
-    assert len(both) == 8
+    assert (edges.counts == 2).all() and not edges.is_against.any() and len(both) == 8
+    assert np.array_equal(faces[[1, 2, 4, 5]], np.array([*LEFT, *RIGHT])[[1, 2, 4, 5]])
+    assert sorted(map(sorted, faces[[0, 3]].tolist())) == [[A, L, R], [B, L, R]]
+
+
+@pytest.mark.parametrize(
+    "half",
+    [
+        [*LEFT, *RIGHT, (L, R, FIN)],  # the edge that it would become is there
+        [(A, B, P), *RIGHT],  # it would become another edge of which one end is in the plane
+        [*LEFT, (B, A, Q)],
+        [(B, L, A), (A, L, FIN), (A, FIN, R)],  # one end of it is not in the plane
+        [(A, FIN, R), (A, L, FIN), (B, L, A)],
+    ],
+)
+def test_other_edges_stay(half):
+    _, faces = mirrors.joined(TENT, np.array(half), Plane(0, 0.0))
+    assert np.array_equal(faces[: len(half)], half)
 
 
 def test_normals_are_mirrored_through_the_origin():
