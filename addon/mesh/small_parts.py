@@ -66,7 +66,8 @@ def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[n
     """
     labels = _labels(points, triangles)
     sizes = _sizes(labels, labels.max(initial=-1) + 1, points[triangles])
-    sizes /= max(sizes.max(initial=0.0), 1e-300)
+    longest = max(sizes.max(initial=0.0), 1e-300)
+    sizes /= longest
     areas = np.bincount(labels, face_areas(points, triangles), len(sizes))
 
     def few(chosen: np.ndarray) -> np.ndarray:
@@ -75,7 +76,7 @@ def is_crumb(points: np.ndarray, triangles: np.ndarray, share: float) -> tuple[n
     is_small, may_be = sizes < share, few(sizes < _clear(share, MOST_CLEAR_PART))
     chosen = few(is_small)
     if (may_be & ~is_small).any():
-        chosen = chosen | _floats(points, triangles, labels, sizes, may_be & ~is_small)
+        chosen = chosen | _floats(points, triangles, labels, longest * sizes, may_be & ~is_small)
     return chosen[labels], Small.of(chosen, may_be & ~chosen, sizes)
 
 
@@ -92,15 +93,10 @@ def _floats(
     Args:
         points, triangles: of the surface.
         labels: (T,) int, the part of each triangle.
-        sizes: (P,) of the parts, of which the largest has 1.
+        sizes: (P,) of the parts.
     """
     points = points.astype(np.float32)
-    far = np.full(len(sizes), np.inf)
-    reach = (
-        FLOATING
-        * sizes
-        * float(np.ptp(points[triangles[sizes[labels] == 1.0]].reshape(-1, 3), axis=0).max(initial=0.0))
-    )
+    far, reach = np.full(len(sizes), np.inf), FLOATING * sizes
     is_free, near = chosen.copy(), ~chosen & (sizes >= sizes[chosen].max())
     while is_free.any() and near.any():
         rows = np.flatnonzero(is_free[labels])

@@ -80,6 +80,13 @@ def test_parts_that_float_may_be_larger(size, gap, share, is_crumb, scale):
     assert found.stay == is_told and found.largest == pytest.approx(size * is_told)
 
 
+@pytest.mark.parametrize("size", [0.9, 1.0])
+def test_other_large_parts_make_the_gap_no_larger(size):
+    """Of which the largest one's own size tells, and not how far apart they are."""
+    parts = grid(2), small(size, (20.0, 0.0, 0.0)), small(0.05, (1.026, 0.0, 0.0))
+    assert small_parts.is_crumb(*joined(*parts), 0.01)[1].mended == 1
+
+
 def test_a_part_at_one_that_does_not_float_does_not_either():
     """A chain of squares, each of 0.05 and 0.02 from the one before."""
     link = [small(0.05, (1.02 + 0.07 * number, 0.0, 0.0)) for number in range(4)]
