@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vertices that move to where a surface is nearest, samples of a surface, and welds: closed forms of a sphere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from addon.core.naming import Suffixes, low_name_of
 from addon.mesh import fitting, welding
 from addon.mesh.carried_normals import INNER
 from addon.mesh.closest import Surface
-from addon.mesh.fitting import FitOptions
+from addon.mesh.fitting import FitOptions, Samples
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import closest_points, unit
 from addon.mesh.welding import ClusterOptions, WeldOptions
@@ -145,6 +147,37 @@ def test_vertices_slide_to_the_ridge_of_a_roof():
         return np.abs(moved[ridge][:, 2]).mean()
 
     assert left(smooth=0.005, along=0.1) < 0.75 * left(smooth=0.005)
+
+
+def test_samples_on_the_mesh_hold_it_across():
+    """As much as others pull it away: it comes to lie halfway between both."""
+    points, triangles = sphere(8)
+    around = fitting.surface_samples(points, triangles, 6_000)
+    lifted = around.points + 0.01 * around.normals * (np.arange(len(around.points)) % 2)[:, None]
+    options = FitOptions(rounds=1, smooth=0.005, along=0.1)
+    moved, _ = fitting.fit(points, triangles, replace(around, points=lifted), options, around.triangles)
+    out = np.linalg.norm(moved, axis=1) - np.linalg.norm(points, axis=1)
+    assert out.mean() == pytest.approx(0.005, rel=0.1)
+
+
+def test_samples_beyond_a_corner_pull_it_towards_them():
+    """Not across one of its faces. Each corner of an octahedron has one 0.1 away, in line with the middle, and each face one
+    on it: 6 (m - 0.1) ** 2 + 8 m ** 2 / 3 is least at m = 0.0692."""
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
+    middles, first = (
+        corners[faces].mean(axis=1),
+        np.array([(faces == corner).any(axis=1).argmax() for corner in range(6)]),
+    )
+    around = Samples(
+        np.concatenate([1.1 * corners, middles]),
+        np.concatenate([corners, unit(middles)]),
+        np.concatenate([first, np.arange(8)]),
+        np.ones(14),
+    )
+    options = FitOptions(rounds=1, smooth=1e-6, pull=1e-6, along=0.1)
+    moved, _ = fitting.fit(corners, faces, around, options, around.triangles)
+    assert (moved * corners).sum(axis=1) - 1.0 == pytest.approx(0.3 / (3.0 + 4.0 / 3.0), rel=0.02)
 
 
 def test_faces_that_would_turn_over_keep_their_vertices():
