@@ -9,7 +9,7 @@ that shows a wrong surface exactly, turned faces, a map that is read in a wrong 
 
 import copy
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
@@ -25,12 +25,13 @@ from ..core.sentences import NOTE, rated
 from ..core.settings import Settings
 from ..engine import normal_space, separation
 from ..engine.planning import Plan
+from ..mesh import pixel_middles
 from ..mesh.fitting import Samples
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..mesh.triangles import transformed
-from ..passes import data_texture, lit, mesh_upload, seen_normals, target
+from ..passes import data_texture, lit, mesh_upload, seen_normals, shader, target
 from .deviations import AngleCounts
 from .pictures import low_by_tile, square_means
 
@@ -38,6 +39,8 @@ SQUARES = 256
 """Squares along a side of the map, at most, whose angles are kept: enough pixels fall on each."""
 TRIANGLES_AT_ONCE = 2**20
 """The most triangles of a high mesh that are drawn at once: between the parts of larger ones, a bake can be canceled."""
+DENSE = 2.0
+"""Triangles of the high meshes for each pixel of a picture from which most cover no middle of a pixel."""
 DRAWN_AT_ONCE = 2**23
 """The most triangles, in all pictures, that are drawn between two steps: drivers without a GPU take a second for them."""
 WRONG = 20.0
@@ -232,13 +235,13 @@ class SeenBake:
 
     def _highs(self) -> list[Mesh]:
         """The high meshes where the low one is: for Flatten, they may be beside it."""
-        meshes = self._plan.meshes
-        if self._plan.casts_rays or gap(meshes.low, meshes.highs) == 0.0:
-            return meshes.highs
+        meshes, highs = self._plan.meshes, self._plan.drawn_highs
+        if self._plan.casts_rays or gap(meshes.low, highs) == 0.0:
+            return highs
         texels = separation.sample(separation.quick_probe(meshes), self._settings.sampling.size, self._plan.tiles)
         back = np.eye(4)
         back[:3, 3] = -separation.offset(texels, self._plan.method)
-        return [replace(high, to_world=back @ high.to_world) for high in meshes.highs]
+        return [replace(high, to_world=back @ high.to_world) for high in highs]
 
 
 def _other_materials(meshes: Meshes) -> Mesh | None:
@@ -280,13 +283,14 @@ class SeenHighs:
             points = self.space.points(high)
             for first in range(0, len(high.triangles), TRIANGLES_AT_ONCE):
                 triangles = high.front_triangles[first : first + TRIANGLES_AT_ONCE]
-                mesh = [(_uploaded(high, points, triangles), normal_matrix(high.to_world))]
+                batch_for = _batches(high, points, triangles, side if count > DENSE * side**2 else None)
                 views = list(zip(pictures, self._views, strict=True))
                 at_once = max(1, DRAWN_AT_ONCE // len(triangles))
                 for start in range(0, len(views), at_once):
                     some = views[start : start + at_once]
                     for into, view in some:
-                        seen_normals.draw_high(into, mesh, view, clear=is_first)
+                        mesh = batch_for(view), normal_matrix(high.to_world)
+                        seen_normals.draw_high(into, [mesh], view, clear=is_first)
                     some[-1][0].finish()  # so that the driver frees the part before the next one is uploaded
                     share = (start + len(some)) / len(views)
                     yield Progress("Looking at the high mesh", (done + share * len(triangles)) / count)
@@ -469,10 +473,31 @@ class _Frame:
         return depth * 2.0 * self.radius / FILLED / self.diagonal
 
 
-def _uploaded(high: Mesh, points: np.ndarray, triangles: np.ndarray) -> gpu.types.GPUBatch:
-    """Some triangles (N, 3) of a mesh, as seen_normals.draw_high takes them. points (V, 3) float32: of its vertices."""
-    corners = triangles.reshape(-1)
-    return mesh_upload.upload_corners(position=points[high.vertices[corners]], normal=high.normals[corners])
+def _batches(
+    high: Mesh, points: np.ndarray, triangles: np.ndarray, side: int | None
+) -> Callable[[np.ndarray], gpu.types.GPUBatch]:
+    """Some triangles (N, 3) of a mesh, as seen_normals.draw_high takes them, for each view (4, 4).
+
+    Args:
+        points: (V, 3) float32, of its vertices.
+        side: of the pictures, of which a driver without a GPU gets only the triangles that show in them; None for all.
+    """
+
+    def uploaded(triangles: np.ndarray) -> gpu.types.GPUBatch:
+        corners = triangles.reshape(-1)
+        places = np.take(points, high.vertices[corners], axis=0)
+        return mesh_upload.upload_corners(position=places, normal=np.take(high.normals, corners, axis=0))
+
+    if side is None or not shader.in_software():
+        whole = uploaded(triangles)
+        return lambda _: whole
+    dense = pixel_middles.Triangles(points, high.vertices[triangles])
+
+    def uploaded_for(view: np.ndarray) -> gpu.types.GPUBatch:
+        shown = dense.at_middles(view, side)
+        return uploaded(triangles[shown] if len(shown) else triangles[:1])  # there are no empty batches
+
+    return uploaded_for
 
 
 @dataclass(frozen=True)

@@ -114,16 +114,17 @@ class Plan(ComparedByValue):
         return replace(in_order, highs=self.highs, is_reversed=False)
 
     @cached_property
-    def meshes(self) -> Meshes:
-        """The meshes as they are drawn: in their order, and reduced to the parts that the method can use."""
-        meshes = self.order.of(replace(self.read, highs=self.highs))
+    def drawn_highs(self) -> list[Mesh]:
+        """The high meshes reduced to what the method can use, in the order of the objects."""
         if not self.casts_rays:
-            finite = [triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs]
-            return replace(meshes, highs=finite)
-        if all(self.is_reached):
-            return meshes
-        is_reached = self.is_reached[::-1] if meshes.is_reversed else self.is_reached
-        return replace(meshes, highs=[high for high, is_near in zip(meshes.highs, is_reached, strict=True) if is_near])
+            return [triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in self.highs]
+        is_reached = self.is_reached or (True,) * len(self.highs)
+        return [high for high, is_near in zip(self.highs, is_reached, strict=True) if is_near]
+
+    @cached_property
+    def meshes(self) -> Meshes:
+        """The meshes as they are drawn, in their order."""
+        return self.order.of(replace(self.read, highs=self.drawn_highs))
 
     def of_part(self, meshes: Meshes) -> "Plan":
         """The same for a part of the meshes that it draws."""

@@ -290,6 +290,39 @@ def test_pictures_that_are_kept_serve_low_meshes_that_have_room_in_them(monkeypa
     assert len(drawn) == 4
 
 
+def test_the_order_of_stacked_parts_draws_no_picture_anew(monkeypatch):
+    """It reverses the order of high triangles, which nobody sees."""
+    lows, high = [zoo.terrain("low", 12, height=0.3), zoo.terrain("stacked", 12, height=0.3)], zoo.terrain("high", 64)
+    uv = lows[1].data.uv_layers[0].uv  # all faces on one place
+    uv.foreach_set("vector", np.tile(np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32).reshape(-1), len(uv) // 4))
+    bpy.context.view_layer.update()
+    drawn, draw = [], SeenHighs.draw
+    monkeypatch.setattr(SeenHighs, "draw", lambda self: [drawn.append(self), draw(self)][1])
+    with appearance.kept_pictures():
+        for low in lows:
+            finish(bake_jobs.work(bpy.context, [Job(low, [high])], settings(), Pace(), wants=Wants(seen=True)))
+    assert len(drawn) == 1
+
+
+@pytest.mark.parametrize("place", [Matrix.Identity(4), UNEVEN, MIRRORED])
+def test_pictures_of_dense_meshes_lack_no_pixel(monkeypatch, place):
+    """Where a driver draws on the CPU, it gets only the triangles that can show: the pictures are the same to the bit."""
+    low, highs = zoo.terrain("low", 12), [zoo.terrain("high", 64, height=0.3), zoo.sphere("other", 48)]
+    for obj in (low, *highs):
+        obj.matrix_world = place
+    meshes, _ = read_and_baked(low, highs, settings())
+    speck = replace(meshes.highs[0], positions=1e-6 * meshes.highs[0].positions)  # on no pixel's middle
+    pictures = []
+    for dense, is_software in ((np.inf, True), (0.0, True), (0.0, False)):
+        monkeypatch.setattr(appearance, "DENSE", dense)
+        monkeypatch.setattr(appearance.shader, "in_software", lambda is_software=is_software: is_software)
+        seen_highs = SeenHighs([*meshes.highs, speck], meshes.highs, Detail(6, 40))
+        finish(seen_highs.draw())
+        pictures.append([each.read() for each in seen_highs._pictures])
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[0], pictures[2])
+
+
 def test_half_of_the_pixels_show_the_same():
     """Those of the pictures that were drawn, so that a picture of half the side differs by what it leaves out alone."""
     meshes, _ = read_and_baked(zoo.terrain("low", 12, height=0.3), [zoo.terrain("high", 64, height=0.3)], settings())

@@ -159,7 +159,7 @@ def test_stacked_parts_have_their_order_in_the_plan():
     assert plan.order.is_any and plan.order.is_reversed
     assert sorted(plan.order.low) == list(range(len(plan.read.low.triangles)))
     assert np.array_equal(plan.meshes.low.triangles, plan.read.low.triangles[plan.order.low])
-    assert plan.listed.highs[0] is plan.read.highs[0]
+    assert plan.listed.highs[0] is plan.drawn_highs[0] is plan.read.highs[0]
     count = len(plan.read.low.triangles)
     of_set = replace(plan.read, whole=plan.read.low, kept=np.arange(count))  # a texture set of all triangles
     assert np.array_equal(plan.order.of(of_set).kept, plan.order.low)
@@ -270,6 +270,7 @@ def test_a_high_mesh_out_of_reach_is_named_in_any_order(far):
     assert plan.order.is_reversed
     assert plan.warnings == [f"{names[far]!r} lies out of reach of the rays and was left out."]
     assert [high.name for high in plan.meshes.listed_highs] == names[:far] + names[far + 1 :]
+    assert [high.name for high in plan.drawn_highs] == names[:far] + names[far + 1 :]
     assert [high.name for high in plan.listed.highs] == names
 
 

@@ -15,7 +15,7 @@ from ...audit.appearance import Appearance, SeenHighs, SeenPlaces, ShownMap
 from ...audit.pictures import square_means
 from ...core import asset_limits, udim
 from ...core.asset_limits import Wanted
-from ...core.declarations.choices import Method, Space
+from ...core.declarations.choices import Method, Space, Stacked
 from ...core.errors import NoGpu, NothingDrawn
 from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, Timings, part, relay
@@ -179,7 +179,8 @@ class AppearanceJudge:
         if texel is not None:
             side = map_side(obj, texel)
             settings = settings.sampled(width=side, height=side)
-        settings = settings.of_at_most(SIDE)
+        # In the reverse order, where islands share texels, high meshes would be others for all that is kept of them.
+        settings = settings.of_at_most(SIDE).sampled(stacked=Stacked.LAST)
         request = replace(self._request, job=self._request.job.but(low=obj), settings=settings)
         check_job(self._context, request.job, settings)
         try:
@@ -203,7 +204,7 @@ class AppearanceJudge:
         if appearance.why_not(baked.plan, settings):
             return Seen(None)
         low = meshes.basis or meshes.low
-        seen = yield from part(appearance.seen_highs(meshes.highs, [low]), 0.0, 0.5)
+        seen = yield from part(appearance.seen_highs(baked.plan.drawn_highs, [low]), 0.0, 0.5)
         seen = seen.half if is_quick else seen
         if self._places is None or self._places[0] is not samples or self._places[1] is not seen:
             in_world = replace(samples, points=samples.points + self._high.origin)
