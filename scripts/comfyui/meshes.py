@@ -104,7 +104,7 @@ def _new(vertices, faces):
         from comfy_api.latest import Types
 
         kind = Types.MESH
-    except (ImportError, AttributeError):  # of 0.3, where a pack of nodes has the class
+    except (ImportError, AttributeError):  # ComfyUI 0.3.64 and older
         return types.SimpleNamespace(vertices=vertices, faces=faces)
     return kind(vertices, faces)
 

@@ -151,6 +151,21 @@ def test_an_asset_has_its_shade_in_the_packed_image(nodes, calls):
     assert mesh.occlusion_in_mr and mesh.metallic_roughness.numpy()[0, -1, 0].tolist() == [1.0, 1.0, 0.0]
 
 
+@pytest.mark.parametrize("has_class", [False, True])
+def test_meshes_are_of_the_class_that_this_comfyui_has(nodes, monkeypatch, has_class):
+    """ComfyUI 0.3.64 has Types without MESH."""
+    kind = type(
+        "MESH", (), {"__init__": lambda self, vertices, faces: vars(self).update(vertices=vertices, faces=faces)}
+    )
+    latest = types.SimpleNamespace(Types=types.SimpleNamespace(**{"MESH": kind} if has_class else {}))
+    monkeypatch.setitem(sys.modules, "comfy_api", types.ModuleType("comfy_api"))
+    monkeypatch.setitem(sys.modules, "comfy_api.latest", latest)
+    mesh_of = sys.modules["comfy_imprint.meshes"].mesh_of
+    mesh = mesh_of([{"mesh.vertices": SQUARE[0], "mesh.triangles": FACES[0], "mesh.uv": UVS[0]}])
+    assert isinstance(mesh, kind if has_class else types.SimpleNamespace)
+    assert mesh.vertices.shape == (1, 4, 3) and mesh.faces.shape == (1, 2, 3)
+
+
 def test_corners_with_other_uvs_are_other_vertices(nodes):
     found = sys.modules["comfy_imprint.meshes"].mesh_of(
         [{"mesh.vertices": SQUARE[0], "mesh.triangles": FACES[0], "mesh.uv": np.arange(12.0).reshape(2, 3, 2)}]
