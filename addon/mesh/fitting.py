@@ -316,24 +316,26 @@ class _System:
 def slid(
     points: np.ndarray, triangles: np.ndarray, found: tuple[np.ndarray, np.ndarray], places: Samples
 ) -> np.ndarray:
-    """Where vertices lie along the surface so that places on the mesh are nearest to those that they stand for, the same in
-    a UV layout: (V, 3) float64. How far the mesh is from the surface changes hardly, and no triangle is turned over.
+    """Where vertices lie so that places on the mesh are nearest to those that they stand for, the same in a UV layout:
+    (V, 3) float64. No triangle is turned over.
+
+    Tried on a chess piece of 3,000 triangles with its map, at 1,500 and 750: 3.57 and 6.08 degrees of error if vertices move
+    along the surface alone, 3.41 and 5.93 so; 3.78 and 6.00 if what lies across it counts eight times.
 
     Args:
         points: (V, 3) float, of the coarse mesh.
         triangles: (T, 3) int.
         found: the triangle (N,) int of each place, and its barycentric coordinates (N, 3) there.
-        places: what they stand for, on the surface, with its normals.
+        places: what they stand for, on the surface.
     """
     start = points.astype(np.float64)
-    vertices, shares, normals = triangles[found[0]], found[1], places.normals
+    vertices, shares = triangles[found[0]], found[1]
     weights = shares * (places.shares / places.shares.sum())[:, None]
 
     def gathered(values: np.ndarray) -> np.ndarray:
         return topology.sums_of(vertices.reshape(-1), (weights[..., None] * values[:, None]).reshape(-1, 3), len(start))
 
     off = places.points - np.einsum("nc,ncx->nx", shares, start[vertices])
-    off -= (off * normals).sum(axis=1, keepdims=True) * normals
     diagonal = np.bincount(vertices.reshape(-1), (weights * shares).reshape(-1), len(start))[:, None] + SLIDE_PULL
     moves, rest = np.zeros_like(start), gathered(off)
     along, step = rest / diagonal, rest / diagonal

@@ -356,7 +356,7 @@ def test_vertices_in_a_cell_become_one_in_their_middle():
 
 
 def test_vertices_slide_to_where_their_places_are():
-    """The vertices of a turned sphere turn back, and those of one that is too large stay where they are."""
+    """The vertices of a turned sphere turn back, and those of one that is too large come nearer."""
     points, triangles = sphere(16)
     turn = np.array([[np.cos(0.05), -np.sin(0.05), 0.0], [np.sin(0.05), np.cos(0.05), 0.0], [0.0, 0.0, 1.0]])
     which = np.repeat(np.arange(len(triangles)), 4)
@@ -367,4 +367,4 @@ def test_vertices_slide_to_where_their_places_are():
     before = np.linalg.norm(points @ turn.T - points, axis=1)
     assert np.linalg.norm(moved - points, axis=1).max() < 0.1 * before.max()
     lifted = fitting.slid(1.1 * points, triangles, found, places)
-    assert lifted == pytest.approx(1.1 * points, abs=1e-6)
+    assert lifted == pytest.approx(points, abs=1e-3)
