@@ -129,7 +129,7 @@ def work(
         lows = yield from part(unwrapping_all, SEARCHED, UNWRAPPED)
         jobs, sharing = [_job_of(low, job, context, settings, high) for low in lows], []
         if wanted.levels > wanted.own_levels:
-            sharing = yield from part(making.sharing(lows[0], jobs[0], timings), UNWRAPPED, SHARED)
+            sharing = yield from part(making.sharing(lows[0], jobs[0], skin, timings), UNWRAPPED, SHARED)
         carrying = skin.carry(context, [low.obj for low in [*lows, *sharing] if low.how.is_made])
         notes = yield from part(carrying, SHARED, SHARED)
         reports = yield from part(
@@ -277,9 +277,15 @@ class _Making:
             lows.append(Low(obj, limit, self._how(low.source, measured, limit)))
         return lows
 
-    def sharing(self, low: Low, job: Job, timings: Timings) -> Task[list[Low]]:
-        """Levels of detail that show the textures of a low object, which has its UV map, until one is not coarser. job: of its
-        bake."""
+    def sharing(self, low: Low, job: Job, skin: Skin, timings: Timings) -> Task[list[Low]]:
+        """Levels of detail that show the textures of a low object, which has its UV map, until one is hardly coarser.
+
+        Args:
+            low: the low object.
+            job: of its bake.
+            skin: in whose poses levels are near the low object, too.
+            timings: get the time that it takes.
+        """
         wanted, name = low.wanted, naming.of_new_levels(low.obj.name, self.suffixes.low)
         room = unwrapping.margin(self.settings.sampling)
         modifiers = self.settings.map.modifiers
@@ -299,6 +305,10 @@ class _Making:
             if mesh.triangles >= before:
                 mesh.remove()
                 break
+        motions = yield from part(
+            skin.motions(self.context, *source.in_world(self.high.origin), self.high.origin), 0.0, 0.0
+        )
+        source = source.posed(motions, self.high.origin)
             if not meshes and not low.how.is_made:
                 home = self._collection(name, home)
             before = mesh.triangles

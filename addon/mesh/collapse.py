@@ -152,11 +152,16 @@ class State:
         center, size = box(points)
         points, triangles = (points.astype(np.float64) - center) / size, triangles.astype(np.int64)
         state = cls(points, triangles, quadrics_of(points, triangles, weights))
+        state.pose(motions, weights, (center, size))
+        return state
+
+    def pose(self, motions: np.ndarray | None, weights: np.ndarray, within: tuple[np.ndarray, float]) -> None:
+        """Let distances in poses count, too: before the first step. within: the box around the points."""
+        center, size = within
         for motion in () if motions is None else motions:
             turns, shifts = motion[..., :3], motion[..., 3]
             own = np.concatenate([turns, ((turns @ center + shifts - center) / size)[..., None]], axis=2)
-            state._poses.append(Moved.of(points, triangles, IN_POSE * weights, own))
-        return state
+            self._poses.append(Moved.of(self.points, self.triangles, IN_POSE * weights, own))
 
     def resume(self, start: PartialCollapse) -> None:
         """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import topology
-from .collapse import CollapseOptions, State, box
+from .collapse import IN_POSE, CollapseOptions, State, box
 from .quadrics import quadrics_of, side_planes, summed
 from .topology import EdgeTable
 from .triangles import checked, face_areas, face_normals, unit_normals
@@ -89,7 +89,9 @@ def collapse_layout(mesh: Charted, options: CollapseOptions, room: float) -> Cha
     """
     points, _ = checked(mesh.points, mesh.triangles)
     state = LayoutState(mesh, options, room)
-    state.run(options.triangles, FARTHEST**2 * float(face_areas(state.points, state.triangles).sum()))
+    poses = 0 if options.motions is None else len(options.motions)
+    area = float(face_areas(state.points, state.triangles).sum())
+    state.run(options.triangles, FARTHEST**2 * area * (1.0 + IN_POSE * poses))
     center, size = box(points)
     used, triangles = topology.numbered(state.triangles)
     values = state.values[state.wedges]
@@ -121,6 +123,7 @@ class LayoutState(State):
         along = summed([side_planes(points, edges, sides, normals, LINE * weights)], len(points))
         inner = quadrics_of(points, triangles, weights)
         super().__init__(points, triangles, (inner[0] + along[0], inner[1] + along[1], inner[2] + along[2]))
+        self.pose(options.motions, weights, (center, size))
         self.wedges, self.room, self.faces = wedges, room, np.arange(len(mesh.triangles))
         self.values = np.zeros((int(wedges.max(initial=-1)) + 1, mesh.values.shape[-1]))
         self.values[wedges.reshape(-1)] = mesh.values.reshape(wedges.size, -1)
@@ -152,11 +155,11 @@ class LayoutState(State):
     def _costs_at_ends(self, ends: np.ndarray) -> np.ndarray:
         """What it costs (E, 2) if edges (E, 2) collapse to one of their ends."""
         a, b = ends.T
-        planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
+        planes, offsets, constants = self._summed(a, b)
         at = self.points[ends]
         result = np.einsum("enx,exy,eny->en", at, planes, at) + 2.0 * np.einsum("ex,enx->en", offsets, at)
         squares = ((at[:, 0] - at[:, 1]) ** 2).sum(axis=1)
-        result += (self._constants[a] + self._constants[b])[:, None]
+        result += constants[:, None]
         return np.maximum(result, 0.0) + 1e-10 * squares[:, None]
 
     def _after(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Armatures, vertex groups and shape keys that low meshes get: weights and offsets by closed forms."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -17,10 +19,12 @@ from addon.jobs import asset, lod, part_state
 from addon.jobs.job import Job
 from addon.jobs.simplify import bent_poses, low_meshes, skin_weights
 from addon.jobs.simplify.high_surface import HighSurface
+from addon.jobs.simplify.shared_levels import LayoutSource
 from addon.jobs.simplify.skins import Skin
 from addon.mesh import transfer
 from addon.mesh.fitting import surface_samples
 from addon.mesh.mirrors import Plane
+from addon.mesh.triangles import transformed
 from addon.scene import mesh_reader
 from addon.ui import object_pairs
 from tests.support import glb, quick_assets, scenes, zoo
@@ -686,7 +690,10 @@ def test_levels_have_the_skin_of_a_low_mesh_that_is_there(monkeypatch):
     arm(low, rig)
     add_key(low, "frown", points(low) * [1.0, 1.5, 1.0])
     bend(rig)
+    make, motions = LayoutSource.make, []
+    monkeypatch.setattr(LayoutSource, "make", lambda self, count: motions.append(self.motions) or make(self, count))
     reports = made([high], Wanted(triangles=200, levels=1), low=low)
+    assert [each.shape for each in motions] == [(len(bent_poses.AXES), len(points(low)), 3, 4)]
     level = bpy.data.objects[reports[1].low]
     assert level.vertex_groups.keys() == ["tip"] and (weights(level, "tip") == 1.0).all()
     assert level.data.shape_keys.key_blocks.keys() == ["Rest", "frown"]
@@ -743,3 +750,19 @@ def test_a_bake_of_an_asset_at_rest_would_be_the_same(monkeypatch):
     settings = SETTINGS.stored(connect_maps=True).traced(method="CAST")
     now = finish(part_state.look(bpy.context, Job(low, [high]), settings, then=then))
     assert part_state.changes(then, now) == []
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_poses_move_levels_in_their_own_space(is_turned):
+    dice = np.random.default_rng(3)
+    to_world, origin, points = np.eye(4), dice.normal(size=3), dice.normal(size=(5, 3))
+    to_world[:3] = dice.normal(size=(3, 4)) if is_turned else np.eye(3, 4)
+    motions = dice.normal(size=(2, 5, 3, 4))
+    source = LayoutSource(SimpleNamespace(to_world=to_world), None, 0.0)
+
+    def moved(by, places):
+        return np.einsum("pvij,vj->pvi", by[..., :3], places) + by[..., 3]
+
+    in_world = transformed(points, to_world) - origin
+    own = moved(source.posed(motions, origin).motions, points)
+    assert transformed(own, to_world) - origin == pytest.approx(moved(motions, in_world))

@@ -13,6 +13,7 @@ from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import face_areas, face_normals, unit
 from tests.pure.test_collapse import grid
 from tests.pure.test_fitting import sphere
+from tests.pure.test_quadrics import fold
 
 ROOM = 0.05
 
@@ -268,6 +269,17 @@ def test_a_triangle_keeps_a_twentieth_of_its_area_in_the_layout(share, is_good):
     state.scales = state.scales / share
     places = state.points[edges.ends[inner]].mean(axis=1)
     assert state._is_good(edges, inner, places).all() == is_good
+
+
+def test_a_flat_island_keeps_the_line_along_which_poses_fold_it():
+    points, triangles = grid(16)
+    mesh = charted(points, triangles, np.zeros(len(triangles), int), LEFT)
+    is_across = []
+    for motions in (None, fold(points)):
+        coarse = collapse_layout(mesh, CollapseOptions(40, motions=motions), ROOM)
+        x = coarse.points[coarse.triangles][..., 0]
+        is_across.append(((x.min(axis=1) < -1e-4) & (x.max(axis=1) > 1e-4)).any())
+    assert len(coarse.triangles) <= 40 and is_across == [True, False]
 
 
 @pytest.mark.parametrize("layer", [0, 1])

@@ -19,7 +19,7 @@ from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
-from ...mesh.triangles import barycentric, face_areas, unit, unit_normals
+from ...mesh.triangles import barycentric, face_areas, transformed, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
 from .decimation import UvMesh
@@ -61,19 +61,36 @@ class LayoutSource:
         mesh: The low mesh, with its corner normals.
         samples: Of the high surface, in world space.
         room: How far borders of islands may move outwards, as a share of the map's side.
+        motions: (P, V, 3, 4), to where poses move its vertices in its own space, as CollapseOptions has them; None for none.
     """
 
     mesh: UvMesh
     samples: Samples
     room: float
+    motions: np.ndarray | None = None
 
     @property
     def triangles(self) -> int:
         return len(self._charted.triangles)
 
+    def in_world(self, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Its vertices (V, 3) in world space, relative to an origin, and triangles (T, 3)."""
+        points, triangles = self._surface
+        return transformed(points, self.mesh.to_world) - origin, triangles
+
+    def posed(self, motions: np.ndarray | None, origin: np.ndarray) -> "LayoutSource":
+        """The same, whose levels are near it in poses, too. motions: (P, V, 3, 4), of `in_world`; None for none."""
+        if motions is None:
+            return self
+        to_place = self.mesh.to_world.copy()
+        to_place[:3, 3] -= origin
+        whole = np.broadcast_to(np.eye(4), (*motions.shape[:2], 4, 4)).copy()
+        whole[..., :3, :] = motions
+        return replace(self, motions=(np.linalg.inv(to_place) @ whole @ to_place)[..., :3, :])
+
     def make(self, triangles: int) -> list["SharedLevel"]:
         """A mesh of about this many triangles."""
-        coarse = collapse_layout(self._charted, CollapseOptions(triangles), self.room)
+        coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
         on_line = coarse.on_line
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
         coarse = replace(coarse, points=points)
