@@ -45,7 +45,11 @@ SHARE, FEWEST = 0.1, 500
 COLLAPSED = 0.5
 """The share of making levels that share textures that is done before their normals are compared."""
 FLAT = 10.0
-"""The mean angle in degrees between the normals of a low mesh and its faces below which they stay, so that its map is flat."""
+"""The mean angle in degrees between the normals and the faces of a low mesh of a hard surface below which they stay, so that
+its map is flat. Other surfaces have no flat sides. Tried on a crater of 3,000 triangles, whose angle is 9.4: common normals
+turn 2.7, 4.9 and 7.9 degrees of error at 1,500, 750 and 375 triangles into 0.5, 0.9 and 1.4."""
+STORED = 0.2
+"""The degrees that 8 bits alone account for: errors below are alike."""
 BETTER, WORSE = 0.9, 1.25
 """The factor on the errors of all levels below which common normals are taken, and that on those of the low mesh that they
 may have."""
@@ -321,7 +325,8 @@ class _Making:
                 is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
             )
             result.append(Low(obj, limit, how))
-        if meshes and low.how.is_made and self.settings.map.space == Space.TANGENT and source.bend > FLAT:
+        is_free = not self.high.is_hard or source.bend > FLAT
+        if meshes and low.how.is_made and self.settings.map.space == Space.TANGENT and is_free:
             self.context.view_layer.update()
             yield from part(self._with_common_normals([low, *result], source, meshes), COLLAPSED, 1.0)
         return result
@@ -341,7 +346,7 @@ class _Making:
         for level, normals in zip(levels, others, strict=True):
             shared_levels.set_normals(level.data, normals)
         after = yield from part(self._errors(lows), 0.5, 1.0)
-        ratios = np.array(after or [np.inf]) / np.maximum(before, 1e-6)
+        ratios = np.maximum(after or [np.inf], STORED) / np.maximum(before, STORED)
         if ratios[0] > WORSE or ratios.mean() > BETTER:
             for mesh, normals in zip(meshes, own, strict=True):
                 shared_levels.set_normals(mesh, normals)
