@@ -57,6 +57,11 @@ SHARED, LOOKED = 0.86, 0.98
 """The shares that are done after levels that share textures are made, and when these are to be looked at."""
 FOLDED = 1000.0
 """Degrees for which triangles count that are turned over, where ways to make a low mesh are compared: others are better."""
+COARSER = 0.8
+"""The most triangles of a level of detail, as a share of those of the one before it: more are not worth a level."""
+BROKEN, SEEN = 4.0, 0.5
+"""The factor on the error of the low mesh, twice as much with each level, above which a level with its textures is broken, and
+the least degrees that this error counts for. Levels that look right have 0.5 to 2.6, one with a folded wall 5.2."""
 MIN_COVERAGE = 0.1
 """The share of a map below which it is hardly used."""
 CORRECTIONS = 3
@@ -143,6 +148,8 @@ def work(
             reports += yield from part(_shown(sharing, reports[0], making), LOOKED, 1.0)
         lows += sharing
         reports = [_judged(report, low, high) for low, report in zip(lows, reports, strict=True)]
+        numbered = enumerate(zip(reports, lows, strict=True))
+        reports = [report.with_warnings(_broken(report, low, reports[0], level)) for level, (report, low) in numbered]
         reports[0] = reports[0].with_warnings(
             [*notes, *_ended(lows, wanted), *_not_done(lows[0], high), *_staying(lows[0], high)]
         )
@@ -271,7 +278,7 @@ class _Making:
         for done, level in enumerate(left):
             limit = wanted.of_level(level, mesh_reader.count_triangles(lows[-1].obj.data) if lows else 0)
             low, maker, measured = yield from part(self._low(limit, maker), done / len(left), (done + 1) / len(left))
-            if level and low.triangles >= mesh_reader.count_triangles(lows[-1].obj.data):
+            if level and low.triangles > COARSER * mesh_reader.count_triangles(lows[-1].obj.data):
                 low.remove()
                 break
             obj = self._object(low.data, names[level], home)
@@ -298,6 +305,10 @@ class _Making:
         )
         samples = replace(self.high.samples, points=self.high.samples.points + self.high.origin)
         source, texels, result = LayoutSource(original, samples, room), None, list[Low]()
+        motions = yield from part(
+            skin.motions(self.context, *source.in_world(self.high.origin), self.high.origin), 0.0, 0.0
+        )
+        source = source.posed(motions, self.high.origin)
         if not wanted.has_count:
             texels = yield from part(self.judge.normal_map(low.obj, job.size or appearance_judge.SIDE), 0.0, 0.3)
         home, meshes = self._home(low.obj), list[SharedLevel]()
@@ -306,13 +317,9 @@ class _Making:
             limit = wanted.of_level(number, before)
             ends = (begin + (COLLAPSED - begin) * share / wanted.levels for share in (number - 1, number))
             mesh, measured = yield from part(self._shared(source, limit, texels, timings), *ends)
-            if mesh.triangles >= before:
+            if mesh.triangles > COARSER * before:
                 mesh.remove()
                 break
-        motions = yield from part(
-            skin.motions(self.context, *source.in_world(self.high.origin), self.high.origin), 0.0, 0.0
-        )
-        source = source.posed(motions, self.high.origin)
             if not meshes and not low.how.is_made:
                 home = self._collection(name, home)
             before = mesh.triangles
@@ -588,6 +595,17 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
     return sentences
 
 
+def _broken(report: Report, low: Low, first: Report, level: int) -> list[str]:
+    """A sentence if the textures of the low mesh, whose report is the first, do not suit a level of detail."""
+    own, shown = (each.appearance.get("mean", 0.0) for each in (first, report))
+    if not low.how.shares or shown <= BROKEN * 2**level * max(own, SEEN):
+        return []
+    return [
+        f"{report.low!r} has a shading error of {shown:.1f} degrees with the textures of {first.low!r}, which has {own:.1f}: "
+        "turn Own Textures on, or have fewer levels of detail."
+    ]
+
+
 def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
     """A sentence if there are fewer levels of detail than were wanted."""
     count = len(lows) - 1
@@ -595,7 +613,7 @@ def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
         return []
     with_what = "of it." if wanted.owns_textures else "with its UVs. Own Textures may allow more."
     return [
-        f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: nothing coarser can be made {with_what}"
+        f"{lows[0].obj.name!r} has {count} of {wanted.levels} levels of detail: hardly anything coarser can be made {with_what}"
     ]
 
 
