@@ -32,7 +32,8 @@ class Triangles:
         """
         keys, is_hit = np.empty(self._points.shape[1], np.int32), np.empty(self._corners.shape[1], bool)
         half = 0.5 * side
-        scale, shift = (half * view[:2, :3]).astype(np.float32), np.float32(half * view[:2, 3] + half + 0.5)
+        scale = (half * view[:2, :3]).astype(np.float32)
+        shift = (half * view[:2, 3] + half + 0.5).astype(np.float32)
         low, is_rounded = (1 << BITS) - 1, np.int32((1 << BITS - 1) * (1 + (1 << BITS)))
 
         def number(part: slice) -> None:
