@@ -22,7 +22,7 @@ from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
 from addon.jobs.simplify import appearance_judge, high_surface, low_meshes, quad_meshes
-from addon.mesh import folds, topology
+from addon.mesh import folds, topology, welding
 from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import face_areas
@@ -271,16 +271,20 @@ def test_arrays_are_read_aside(monkeypatch):
     assert len(threads) == 3 and threading.main_thread() not in threads
 
 
-def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch):
+@pytest.mark.parametrize(
+    "limits", [(high_surface, "MOST_READ", 10_000), (low_meshes, "THINNED", 8_000)], ids=["read", "before Decimate"]
+)
+def test_a_scan_of_many_triangles_is_thinned_first(monkeypatch, limits):
     """A rough one stays one surface."""
-    thinned, cluster = [], high_surface.cluster
+    thinned, cluster = [], welding.cluster
 
     def counted(*arguments):
         thinned.append(cluster(*arguments))
         return thinned[-1]
 
-    monkeypatch.setattr(high_surface, "MOST_READ", 10_000)
-    monkeypatch.setattr(high_surface, "cluster", counted)
+    monkeypatch.setattr(*limits)
+    monkeypatch.setattr(low_meshes, "DENSE", 4_000)
+    monkeypatch.setattr(welding, "cluster", counted)
     ball = zoo.ball("Ball", 96)
     points = mesh_reader.points(ball.data)
     points *= np.random.default_rng(5).normal(1.0, 0.002, (len(points), 1))

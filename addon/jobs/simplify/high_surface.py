@@ -29,7 +29,7 @@ from ...mesh.mirrors import Plane
 from ...mesh.small_parts import NOTHING_SMALL, Small
 from ...mesh.topology import EdgeTable
 from ...mesh.triangles import diagonal, enclosed_volumes, face_areas, transformed
-from ...mesh.welding import ClusterOptions, cluster, weld
+from ...mesh.welding import thinned, weld
 from ...scene import evaluation, mesh_reader
 from ...scene.high_reader import Reader
 from ..job import Job
@@ -51,8 +51,6 @@ PLANES_BIAS = 1.0 / 1.1
 from their faces in ways that no judge here sees."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
 """Barycentric coordinates (4, 3): a large triangle is left out only if none of these points on it sees the outside."""
-LEAST_LEFT = 0.5
-"""The share of the area below which thinning has lost single triangles, which no edges connect with others."""
 SAMPLES = 120_000
 """The samples of the surface that are looked at from outside."""
 PERCENTILE = 99
@@ -213,7 +211,7 @@ class _Mended:
 
 def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: str) -> _Mended:
     """Points (V, 3) float32 and triangles (T, 3) int as one surface. Raises BakeError."""
-    points, triangles = weld(*_thinned(points, triangles))
+    points, triangles = weld(*_read_at_most(points, triangles))
     if not len(triangles):
         raise BakeError(f"{name!r} has no faces with an area: choose a mesh that has some.")
     farthest = float(np.abs(points).max())
@@ -278,7 +276,7 @@ def _mirror(points: np.ndarray, triangles: np.ndarray, outer: Samples, symmetry:
     return plane
 
 
-def _thinned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _read_at_most(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A mesh of at most about MOST_READ triangles, not yet welded."""
     if len(triangles) <= MOST_READ:
         return points, triangles
@@ -286,13 +284,8 @@ def _thinned(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
     points = points[used]
     if len(triangles) <= MOST_READ:  # the others were there twice
         return points, triangles
-    area = float(face_areas(points, triangles).sum())
-    two_a_cell = math.sqrt(2.0 * area / MOST_READ)
-    cell = max(two_a_cell, float(np.ptp(points, axis=0).max()) / 2**20)
-    thinned = cluster(points, triangles, ClusterOptions(cell))
-    if face_areas(*thinned).sum() < LEAST_LEFT * area:
-        thinned = cluster(points, triangles, ClusterOptions(cell, is_torn=True))
-    return thinned[0].astype(np.float32), thinned[1]
+    points, triangles = thinned(points, triangles, MOST_READ)
+    return points.astype(np.float32), triangles
 
 
 def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:

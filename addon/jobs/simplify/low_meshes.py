@@ -22,6 +22,7 @@ from ...mesh.collapse import CollapseOptions, PartialCollapse, collapse, partial
 from ...mesh.fitting import FitOptions, Samples, surface_samples
 from ...mesh.mirrors import Plane
 from ...mesh.triangles import barycentric
+from ...mesh.welding import thinned, weld
 from ...scene import mesh_reader, mesh_writer
 from .. import temporary
 from ..temporary import TEMPORARY
@@ -41,6 +42,9 @@ COMPARED_SAMPLES = 20_000
 """How many samples of the surface are compared with the remeshed one."""
 DENSE = 60_000
 """The triangles that Decimate leaves of larger surfaces, for all low meshes that are coarser still: it takes most time."""
+THINNED = 8 * DENSE
+"""The triangles that a grid leaves of surfaces twice as large before Decimate, which takes half the time then. Measured on 1.2
+million: the low meshes of 5,000 lie within 0.7 % as near to the surface."""
 FINER = 6
 """How many times as many triangles as a low mesh those have at least: until then, hardly anything is lost."""
 MOST_SHARED = 0.8
@@ -317,7 +321,7 @@ def sources_of(
     is_remeshed: bool = False,
 ) -> list[DecimationSource]:
     """A mesh as a source for Decimate, and for collapsing edges."""
-    dense = data if len(data.polygons) <= DENSE else decimated(data, DENSE)
+    dense = _dense(data)
     if dense is data and not is_remeshed:
         points, triangles = arrays(data)
         count = int(np.clip(2 * len(triangles), *FITTED))
@@ -328,6 +332,19 @@ def sources_of(
         samples = replace(samples, triangles=nearest)
     plain = DecimationSource(data, dense, samples, outer_samples, timings, is_remeshed, bias)
     return [plain, plain.weighted()]
+
+
+def _dense(data: bpy.types.Mesh) -> bpy.types.Mesh:
+    """A mesh of at most about DENSE triangles: `data` itself if it is one."""
+    if len(data.polygons) <= DENSE:
+        return data
+    if len(data.polygons) < 2 * THINNED:
+        return decimated(data, DENSE)
+    thin = new_mesh(*weld(*thinned(*arrays(data), THINNED)))
+    try:
+        return decimated(thin, DENSE)
+    finally:
+        bpy.data.meshes.remove(thin)
 
 
 def remeshed(data: bpy.types.Mesh, area: float, outer_samples: Samples) -> bpy.types.Mesh | None:
