@@ -137,7 +137,7 @@ def test_assets_are_measured_as_rays_see_them(name, monkeypatch):
     task = asset.work(bpy.context, job, Wanted(triangles=200), chosen, Pace(0.0), suffixes=Suffixes())
     (report,) = finish(task)
     low = bpy.data.objects[report.low]
-    found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(5, 160))
+    found = check_against_rays(*read_and_baked(low, [high], chosen), chosen, Detail(6, 240))
     print(name, found)
 
 

@@ -347,17 +347,18 @@ def make_settings(rng, folder, low):
     storage = any_of(("PACK", "FILE") if udim else ("PACK", "MEMORY", "FILE"))
     ending = any_of((*file_formats.BY_ENDING, ".PNG"))
     name = any_of(("{low}", "map", "a.b", "{low} map")) + any_of(("", " <UDIM>")) * udim
+    step = 4 if storage == "FILE" and file_formats.BY_ENDING[ending.lower()].is_blocks else 1
     axes, known = rng.permutation(3), DECLARED["red"].values
     return Settings(
         method=any_of(DECLARED["method"].values),
         space=any_of(DECLARED["space"].values),
         basis=any_of(DECLARED["basis"].values),
         uv_layer="" if rng.random() < 0.9 else any_of((zoo.LAYER, zoo.LAYER, any_of(NAMES))),
-        width=any_of((16, 32, 33, 48, 64)),
-        height=any_of((16, 32, 47, 64)),
+        width=any_of((16, 32, 33, 48, 64)) // step * step,
+        height=any_of((16, 32, 47, 64)) // step * step,
         samples=any_of((1, 1, 1, 2, 4, 8)),
-        extrusion=None if rng.random() < 0.8 else any_of((0.0, 0.1, 1e-30, 1e30)),
-        max_distance=None if rng.random() < 0.8 else any_of((0.5, 0.5, 1e-30, 1e30)),
+        extrusion=None if rng.random() < 0.8 else any_of((0.0, 0.1, 0.1, 1e30)),
+        max_distance=None if rng.random() < 0.8 else any_of((0.5, 0.5, 0.5, 1e30)),
         directions=any_of(DECLARED["directions"].values),
         facing_only=rng.random() < 0.3,
         missed=any_of(((0.5, 0.5, 1.0), (1.0, 0.0, 1.0))),
