@@ -22,6 +22,7 @@ for loaded in [name for name in sys.modules if name.startswith(f"{MODULE}.addon"
 
 import addon  # noqa: E402
 from addon.core.declarations import targets  # noqa: E402
+from addon.output import containers  # noqa: E402
 from addon.ui import bake_queue, declared_properties, modal, object_pairs, sets, signs  # noqa: E402
 from addon.ui.bake_results import results  # noqa: E402
 from addon.ui.live import live  # noqa: E402
@@ -678,6 +679,36 @@ def part_store() -> Steps:
     check("the image is that of the file", Path(bpy.path.abspath(image.filepath)) == path and not image.packed_file)
     path.unlink()
     Path(bpy.data.filepath).unlink()
+
+
+def part_formats() -> Steps:
+    """A DDS file whose blocks are chosen by the mouse: the file has them, and all mip levels."""
+    open_again("bake", "output")
+    small(crate=True, storage="FILE")
+    keep_for("formats_next_day")
+    bpy.context.scene.imprint.output = "//maps/{name}_normal.dds"
+    yield from click_row("crate_low")
+    yield from press("imprint.compression")
+    yield from window.choose(4)
+    chosen = bpy.context.scene.imprint.compression
+    check(f"Compression: {chosen}", chosen == "BC7")
+    yield from bake()
+    picture("blocks")
+    content = containers.read(bpy.path.abspath("//maps/crate_normal.dds"))
+    check(f"{content.block_format.name}, {len(content.levels)} levels", content.block_format.name == "bc7")
+    check("all mip levels", [max(level.shape[:2]) for level in content.levels] == [64, 32, 16, 8, 4, 2, 1, 1, 1])
+    yield from saved_by_key()
+
+
+def part_formats_next_day() -> Steps:
+    """The image shows the file of blocks, and a bake makes the same one."""
+    first = _files(Path(bpy.path.abspath("//maps")))
+    image = bpy.data.images["crate_low_normal"]
+    check("the image shows the blocks", tuple(image.size) == (256, 256) and image.has_data)
+    yield from click_row("crate_low")
+    yield from bake()
+    picture("baked again")
+    check("baked again at once", _files(Path(bpy.path.abspath("//maps"))) == first)
 
 
 def part_checks() -> Steps:
