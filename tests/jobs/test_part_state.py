@@ -91,6 +91,15 @@ def test_renamed_is_not_changed():
     assert part_state.changes(other, State({"mesh:a": "1", "mesh:c": "3"})) == ["the mesh of 'c'", "the mesh of 'b'"]
 
 
+@pytest.mark.parametrize(
+    "value", [{"compression": "BC7"}, {"quality": 50}, {"lossy_normals": True}, {"export_webp": True}]
+)
+def test_compressors_count_only_where_a_map_has_one(value):
+    job, settings = pair(), Settings(**SAME)
+    bake(job, settings)
+    assert found(job, Settings(**SAME | value)) == []
+
+
 @pytest.mark.parametrize("written", ["a key", "[1]", "3", '[["low", "", 0]]', 7, ""])
 def test_a_property_that_another_program_has_written_is_no_bake(written):
     job, settings = pair(), Settings(**SAME)
