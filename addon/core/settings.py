@@ -14,6 +14,7 @@ from .declarations.all_settings import DECLARED
 from .declarations.choices import Compression, Format, Method, Pack, Space, Storage, VertexDomain, Wrap
 from .declarations.map_settings import ADAPTIVE_FROM
 from .errors import BakeError
+from .file_formats import FileFormat
 from .map_types import (
     BY_NAME,
     CUSTOM_SUFFIX,
@@ -217,7 +218,7 @@ class StorageSettings:
         """Whether images store floats, rather than steps from 0 to 1."""
         if self.is_blocks:
             return self.compression == Compression.BC6H
-        return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
+        return self._file_format.is_float if self.storage == Storage.FILE else self.depth > 8
 
     @property
     def is_blocks(self) -> bool:
@@ -231,6 +232,16 @@ class StorageSettings:
         return self.format == Format.AUTO and self.storage == Storage.FILE
 
     @property
+    def has_open_ending(self) -> bool:
+        """Whether the ending of each file is chosen, too."""
+        return self.is_auto and bool(self.output) and not PurePath(self.output).suffix
+
+    @property
+    def _file_format(self) -> FileFormat:
+        """That of the file, of which PNG stands for one that is chosen later."""
+        return file_formats.PNG if self.has_open_ending else file_formats.of(self.output)
+
+    @property
     def is_half(self) -> bool:
         """Whether files store floats of 16 bits."""
         return self.storage == Storage.FILE and self.is_float and (self.is_blocks or self.depth == 16)
@@ -240,7 +251,7 @@ class StorageSettings:
         """Whether images keep alpha. In the settings of one map: see `compression`."""
         if self.storage != Storage.FILE:
             return True
-        has_room = self.compression == Compression.BC7 if self.is_blocks else file_formats.of(self.output).has_alpha
+        has_room = self.compression == Compression.BC7 if self.is_blocks else self._file_format.has_alpha
         return self.alpha and has_room
 
     @property
@@ -248,7 +259,7 @@ class StorageSettings:
         """Whether files change texels a little each time that they are written. In the settings of one map."""
         if self.storage != Storage.FILE:
             return False
-        file_format = file_formats.of(self.output)
+        file_format = self._file_format
         return file_format.is_blocks or (
             file_format.has_quality and not (self.quality == 100 and file_format.has_alpha)
         )
@@ -392,7 +403,8 @@ class Settings:
         if not storing.output:
             yield "No file is set for the map: set one, or store the map packed."
             return
-        unknown = list(_faults(partial(file_formats.of, storing.output)))
+        output = storing.output + file_formats.PNG.endings[0] * storing.has_open_ending
+        unknown = list(_faults(partial(file_formats.of, output)))
         yield from unknown
         if TOKEN in storing.output and not self.sampling.udim:
             yield f"{storing.output!r} contains {TOKEN} but UDIM Tiles is off: enable it."
@@ -408,14 +420,14 @@ class Settings:
             yield f"{what}, but the files are to have no alpha: choose one of the two."
         if unknown:
             return
-        file_format, ending = file_formats.of(storing.output), PurePath(storing.output).suffix.lower()
+        file_format, ending = file_formats.of(output), PurePath(output).suffix.lower()
         if storing.alpha and stored != WHITE and not file_format.has_map_in_alpha:
             lost = "lose colors where alpha is 0" if file_format.has_alpha else "have no alpha"
             yield f"{what}, but {ending} files {lost}: choose another format, such as {file_formats.PNG.endings[0]}."
         if storing.depth not in file_format.depths:
             depths = " or ".join(map(str, file_format.depths))
             yield f"A {ending} file stores {depths} bits per channel, not {storing.depth}."
-        yield from _faults(partial(file_formats.check_size, storing.output, self.sampling.size))
+        yield from _faults(partial(file_formats.check_size, output, self.sampling.size))
         if self.sampling.udim and not file_format.is_shown:
             yield f"Blender shows no UDIM tiles of {ending} files: choose a .dds file, or turn UDIM Tiles off."
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Chooses how a file stores a map: the smallest way that keeps a limit, by what is read back of each that was tried.
 
-The ending of the file stays, since it says what its readers load. What may change is the depth, the format of the blocks, or
-the quality.
+The ending of the file stays, since it says what its readers load, unless it is left open. What may change is the depth, the
+format of the blocks, the quality, or the steps to which values are rounded.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,10 +16,12 @@ from ..core.declarations import targets
 from ..core.declarations.choices import Compression, Space, Storage
 from ..core.map_types import BY_NAME, Kind, MapType, Range
 from ..core.settings import MapSettings, Settings, StorageSettings
-from . import value_encoding
+from . import map_names, value_encoding
 
 QUALITIES = (30, 40, 50, 60, 70, 75, 80, 85, 90, 93, 95, 97, 98, 99, 100)
 """Those that are tried. Between them files differ by less than a tenth."""
+ROUNDINGS = (16, 12, 10, 8, 6, 5, 4, 3, 2)
+"""The steps of 255 to which values of files without losses are rounded."""
 DEGREES, STEPS = "degrees", "steps"
 
 
@@ -36,12 +38,23 @@ class Limit:
     most: float
 
 
+class Way(NamedTuple):
+    """A way to store a map.
+
+    Attributes:
+        step: To multiples of which values are rounded, in steps of 255; 1 for all that the depth has.
+    """
+
+    storing: StorageSettings
+    step: int = 1
+
+
 class Trial(NamedTuple):
     """What is read of a map that was stored in one way.
 
     Attributes:
         texels: (height, width, 4) float32, as they were given.
-        size: Bytes, or a number that is larger where the file is.
+        size: Bytes.
         blocks: Of level 0, if it has some.
     """
 
@@ -59,7 +72,7 @@ class Chosen:
         trial: What is read of it, for as long as somebody asks.
     """
 
-    storing: StorageSettings
+    way: Way
     limit: Limit
     mean: float
     percentile_99: float
@@ -76,7 +89,7 @@ class Chosen:
         """Plain data, for the report."""
         limit, mean, most = self.limit, self.mean, self.percentile_99
         return {
-            "format": label_of(self.storing),
+            "format": label_of(self.way),
             "unit": limit.unit,
             "limit": limit.most,
             "mean": mean,
@@ -84,8 +97,13 @@ class Chosen:
         }
 
 
-def label_of(storing: StorageSettings) -> str:
-    """How a map is stored, in words, such as "WebP, quality 90". storing: of the map."""
+def label_of(way: Way) -> str:
+    """How a map is stored, in words, such as "WebP, quality 90". way: of the map."""
+    steps = f", steps of {way.step}" if way.step > 1 else ""
+    return _label(way.storing) + steps
+
+
+def _label(storing: StorageSettings) -> str:
     if storing.storage != Storage.FILE:
         return "32-bit floats" if storing.is_float else "8 bits"
     file_format = file_formats.of(storing.output)
@@ -119,7 +137,9 @@ def smallest(
     is_covered: np.ndarray,
     settings: Settings,
     map_type: MapType,
-    store: Callable[[StorageSettings], Trial],
+    store: Callable[[Way], Trial],
+    *,
+    endings: Sequence[str] = (),
 ) -> Chosen:
     """The smallest way to store a map that keeps its limit, or else the most exact one.
 
@@ -128,6 +148,7 @@ def smallest(
         is_covered: (height, width) bool: the texels that count. Without any, all count.
         settings: of the map, which has a limit.
         store: tries a way.
+        endings: from which that of the file is chosen; none for that of the settings.
     """
     limit = limit_of(settings, map_type)
     assert limit is not None
@@ -135,24 +156,53 @@ def smallest(
     before = _shown(texels[where], settings, map_type)
     best: list[Chosen] = []
     """One at most, since each has the texels of a map."""
-    qualities: list[int] = []
+    tried: set[Way] = set()
 
-    def keeps(storing: StorageSettings) -> bool:
-        trial = store(storing)
-        off = _errors(before, _shown(trial.texels[where], settings, map_type), limit.unit)
-        tried = Chosen(storing, limit, float(off.mean()), float(np.percentile(off, 99.0)), trial)
-        best[:] = [min(*best, tried, key=_rank)] if best else [tried]
-        qualities.append(storing.quality)
-        return tried.keeps_limit
+    def errors(after: np.ndarray) -> np.ndarray:
+        return _errors(before, _shown(after[where], settings, map_type), limit.unit)
 
-    storing = settings.storing
-    if file_formats.of(storing.output).has_quality:
-        _search([replace(storing, quality=quality) for quality in QUALITIES], keeps)
-        if QUALITIES[-1] not in qualities:  # flat maps are smallest without losses
-            keeps(replace(storing, quality=QUALITIES[-1]))
-    else:
-        next(filter(keeps, _ways(settings, map_type)), None)
+    def keeps(way: Way) -> bool:
+        trial = store(way)
+        off = errors(trial.texels)
+        chosen = Chosen(way, limit, float(off.mean()), float(np.percentile(off, 99.0)), trial)
+        best[:] = [min(*best, chosen, key=_rank)] if best else [chosen]
+        tried.add(way)
+        return chosen.keeps_limit
+
+    def keeps_rounded(way: Way) -> bool:
+        rounded = value_encoding.in_steps(texels, way.step, is_normal=limit.unit == DEGREES, with_alpha=True)
+        return bool(np.percentile(errors(rounded), 99.0) <= limit.most)
+
+    for storing in [_with_ending(settings.storing, ending) for ending in endings] or [settings.storing]:
+        if file_formats.of(storing.output).has_quality:
+            _search([Way(replace(storing, quality=quality)) for quality in QUALITIES], keeps)
+            exact = Way(replace(storing, quality=QUALITIES[-1]))
+            if exact not in tried:  # flat maps are smallest without losses
+                keeps(exact)
+        else:
+            next(filter(keeps, map(Way, _ways(storing, settings, map_type))), None)
+        if roundings := _roundings(storing):
+            coarsest = _search(roundings, keeps_rounded)
+            first = roundings.index(coarsest) if coarsest else len(roundings)
+            for way in roundings[first : first + 2]:  # of few values, coarser ones need not be smaller
+                keeps(way)
     return best[0]
+
+
+def _with_ending(storing: StorageSettings, ending: str) -> StorageSettings:
+    path = map_names.with_ending(storing.output, ending)
+    depth = min(storing.depth, file_formats.of(path).depths[-1])
+    return replace(storing, output=path, depth=depth)
+
+
+def _roundings(storing: StorageSettings) -> list[Way]:
+    """The ways to round values to steps of 255, the coarsest first; none for formats that do not store these exactly, and
+    for maps whose steps are to be hidden."""
+    file_format = file_formats.of(storing.output)
+    exact = replace(storing, depth=8, quality=QUALITIES[-1])
+    if 8 not in file_format.depths or file_format.is_blocks or exact.is_lossy or storing.dither:
+        return []
+    return [Way(exact, step) for step in ROUNDINGS]
 
 
 def _rank(chosen: Chosen) -> tuple[bool, float, float]:
@@ -163,17 +213,19 @@ def _rank(chosen: Chosen) -> tuple[bool, float, float]:
     return True, chosen.percentile_99, size
 
 
-def _search(ways: Sequence[StorageSettings], keeps: Callable[[StorageSettings], bool]) -> None:
-    """Try ways, the smallest first, in halves: those above one that keeps the limit are taken to keep it, too."""
+def _search(ways: Sequence[Way], keeps: Callable[[Way], bool]) -> Way | None:
+    """The first of these ways, the smallest first, that keeps the limit; None without one. They are tried in halves: those
+    after one that keeps it are taken to keep it, too."""
     first, last = 0, len(ways)
     while first < last:
         middle = (first + last) // 2
         first, last = (first, middle) if keeps(ways[middle]) else (middle + 1, last)
+    return ways[first] if first < len(ways) else None
 
 
-def _ways(settings: Settings, map_type: MapType) -> list[StorageSettings]:
+def _ways(storing: StorageSettings, settings: Settings, map_type: MapType) -> list[StorageSettings]:
     """The ways to store a map without a quality that the target engines read, the smallest first."""
-    storing, file_format = settings.storing, file_formats.of(settings.storing.output)
+    file_format = file_formats.of(storing.output)
     engines = [targets.BY_NAME[name] for name in settings.map.targets]
     if not file_format.is_blocks:
         most = max((engine.depth for engine in engines), default=file_format.depths[-1])

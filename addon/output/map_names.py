@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The names of maps, of their image datablocks and of their files, and which files a bake writes. Needs no Blender."""
 
+import os
 import re
 import zlib
 from collections.abc import Iterator
+from itertools import product
 from pathlib import PurePath
 
 from ..core import file_formats, naming, udim
+from ..core.declarations import targets
 from ..core.declarations.choices import Compression, Space, Storage
-from ..core.map_types import BY_NAME, EMISSION, MASK, NORMAL, Kind, MapType
+from ..core.map_types import BY_NAME, EMISSION, MASK, NORMAL, WHITE, Kind, MapType
 from ..core.naming import MATERIAL, USUAL, fill_low, of_texture_sets
 from ..core.settings import MapSettings, Settings, StorageSettings
 from ..core.udim import TOKEN
@@ -43,14 +46,40 @@ def name_for(low_name: str, storing: StorageSettings, material: str = "") -> str
 
 
 def output_for(settings: Settings) -> str:
-    """The path to write to, as Blender spells it, with TOKEN for the tile's number in a UDIM bake. Empty without a file."""
-    path = settings.storing.output
+    """The path to write to, as Blender spells it, with TOKEN for the tile's number in a UDIM bake. Empty without a file.
+
+    A path whose ending is open gets the first of open_endings.
+    """
     if settings.storing.storage != Storage.FILE:
         return ""
+    path = settings.storing.output + (open_endings(settings) or [""])[0]
     if settings.sampling.udim and TOKEN not in path:
         ending = PurePath(path).suffix
         path = f"{path.removesuffix(ending)}.{TOKEN}{ending}"
     return path
+
+
+def open_endings(settings: Settings) -> list[str]:
+    """The endings of which each map gets the one with the smallest file; none if the path has one.
+
+    They are those of pictures that all target engines load, with the alpha that the settings want. Maps without a limit get the
+    first. settings: of all maps.
+    """
+    storing, packing = settings.storing, settings.map.packing
+    if not storing.has_open_ending:
+        return []
+    formats, engines = [file_formats.PNG], [targets.BY_NAME[name] for name in settings.map.targets]
+    if all(engine.has_webp for engine in engines) and max(settings.sampling.size) <= file_formats.WEBP.longest_side:
+        formats.append(file_formats.WEBP)
+    if not storing.alpha:
+        formats.append(file_formats.JPEG)
+    needs_alpha = packing is not None and packing.channels[-1] != WHITE
+    return [each.endings[0] for each in formats if each.has_map_in_alpha or not needs_alpha]
+
+
+def with_ending(path: str, ending: str) -> str:
+    """The path of a file with another ending."""
+    return os.path.splitext(path)[0] + ending  # Blender's // is no root of Windows
 
 
 def of_level(settings: Settings, level: int) -> Settings:
@@ -144,6 +173,8 @@ def stored_maps(map_settings: MapSettings) -> dict[str, MapType]:
 
 def settings_by_map(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake writes, by the map's name."""
+    if endings := open_endings(settings):
+        settings = settings.stored(output=settings.storing.output + endings[0])
     return {
         name: _of_map(settings, map_type) if map_type is NORMAL else beside(settings, map_type)
         for name, map_type in stored_maps(settings.map).items()
@@ -160,8 +191,9 @@ def planned_files(settings: Settings) -> Iterator[tuple[str, str]]:
     for name, of_map in settings_by_map(settings).items():
         levels = [of_level(of_map, level) for level in level_files(settings, name)]
         for path in filter(None, map(output_for, [of_map, *levels])):
-            for tile in of_map.sampling.tiles or [TOKEN]:
-                yield udim.fill(path, tile), map_title(settings.map, name)
+            endings = open_endings(settings) or [PurePath(path).suffix]
+            for tile, ending in product(of_map.sampling.tiles or [TOKEN], endings):
+                yield udim.fill(with_ending(path, ending), tile), map_title(settings.map, name)
 
 
 def levels_of(settings: Settings, name: str) -> range:

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 
 from ..blocks import formats
 from ..blocks.formats import Purpose
-from ..core import file_formats, udim
+from ..core import file_formats, threads, udim
 from ..core.declarations import targets
 from ..core.declarations.choices import Compression, Space, Storage, VertexDomain
 from ..core.errors import BakeError, Fix, shorten_list
@@ -31,7 +31,7 @@ from ..core.udim import TOKEN
 from ..passes import block_encoding
 from . import atomic_file, auto_format, datablocks, image_file, journal, map_names, shared_maps, value_encoding
 from .atomic_file import Partial, check_writable
-from .auto_format import Chosen, Trial
+from .auto_format import Chosen, Trial, Way
 from .image_file import Blocks
 from .map_names import name_for, output_for, settings_by_map, stored_maps
 from .shared_maps import Part
@@ -62,7 +62,8 @@ def check_storage(low_name: str, settings: Settings) -> None:
                 "module OpenImageIO: set Depth to 8, or Store to File with a PNG file."
             ) from error
     if output:
-        image_file.check_format(output)
+        for ending in map_names.open_endings(settings) or [PurePath(output).suffix]:
+            image_file.check_format(f"map{ending}")
         check_writable(_absolute(output))
 
 
@@ -127,7 +128,8 @@ class MapWriter:
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
     `assign_color_space`. is_packed: whether alpha holds a map. is_gray: whether all colors of a texel are the same. purpose,
     is_signed, levels: of files of blocks, whether floats are below 0, and how many levels of each tile go into its file.
-    map_type: of which the smallest format is looked for, if it has a limit. queue: what writes the files. Without one, it has
+    map_type: of which the smallest format is looked for, if it has a limit. endings: among which that of its files is chosen;
+    none if it is fixed. queue: what writes the files. Without one, it has
     its own. has_image: whether an image datablock shows the files. baked, kept: the parts of a map that several low objects
     share, and those whose texels stay as they are. kept_tiles: in which these
     were found.
@@ -146,6 +148,7 @@ class MapWriter:
         is_signed: bool = False,
         levels: int = 1,
         map_type: MapType | None = None,
+        endings: Sequence[str] = (),
         queue: WriteQueue | None = None,
         has_image: bool = True,
         baked: Sequence[Part] = (),
@@ -159,6 +162,7 @@ class MapWriter:
         self.color_space, self.has_image = color_space, has_image
         self._purpose, self._is_signed, self._levels = purpose, is_signed, levels
         self._map_type = map_type if map_type and auto_format.limit_of(settings, map_type) else None
+        self._endings = endings
         self._compressor = _compressor(settings, map_type)
         self._steps_off: list[np.ndarray] = []
         """What it leaves of each tile."""
@@ -192,9 +196,9 @@ class MapWriter:
     def __exit__(self, *_):
         self.discard()
 
-    def storing_of(self, tile: int) -> StorageSettings:
+    def way_of(self, tile: int) -> Way:
         """How the file of a tile stores the map, which was added."""
-        return self.chosen[tile].storing if tile in self.chosen else self.settings.storing
+        return self.chosen[tile].way if tile in self.chosen else Way(self.settings.storing)
 
     def choose(self, tile: int, texels: np.ndarray, is_covered: np.ndarray) -> Chosen | None:
         """Choose how the file of a tile stores the map, unless that is fixed. Arguments: as of `add`."""
@@ -202,22 +206,26 @@ class MapWriter:
             return None
         if tile not in self.chosen:
             store = functools.partial(self._trial, texels)
-            self.chosen[tile] = auto_format.smallest(texels, is_covered, self.settings, self._map_type, store)
+            map_type, endings = self._map_type, self._endings
+            chosen = auto_format.smallest(texels, is_covered, self.settings, map_type, store, endings=endings)
+            self.chosen[tile] = chosen
+            if self._endings:  # Blender shows tiles of one ending
+                self._endings = [PurePath(chosen.way.storing.output).suffix]
         return self.chosen[tile]
 
-    def _trial(self, texels: np.ndarray, storing: StorageSettings) -> Trial:
+    def _trial(self, texels: np.ndarray, way: Way) -> Trial:
         """Store the texels of a tile in one way, and read them."""
+        storing = way.storing
         if storing.is_blocks:
             held = self._blocks(storing).container(
                 texels, has_alpha=storing.has_alpha, is_color=self.color_space == SRGB, note=""
             )
             return Trial(image_file.decoded(held), held.levels[0].nbytes, held.levels[0])
-        texels = self._dithered(texels, storing)
-        if not storing.is_lossy and not file_formats.of(storing.output).has_quality:
-            return Trial(_kept(texels, replace(storing, dither=False)), storing.depth)
+        texels = self._fitted(texels, way)
         with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
             file = Path(folder, "map").with_suffix(PurePath(storing.output).suffix)
-            image_file.content(texels, file, storing.depth, **self._how(storing)).write(file, iter(()))
+            made = image_file.content(texels, file, storing.depth, **self._how(storing))
+            made.write(file, iter(threads.map_parallel(lambda part: part(), made.parts)))
             return Trial(image_file.read(file), file.stat().st_size)
 
     def _how(self, storing: StorageSettings) -> dict[str, Any]:
@@ -229,8 +237,12 @@ class MapWriter:
             "quality": storing.quality,
         }
 
-    def _dithered(self, texels: np.ndarray, storing: StorageSettings) -> np.ndarray:
-        """The texels, which are rounded later."""
+    def _fitted(self, texels: np.ndarray, way: Way) -> np.ndarray:
+        """The texels in the steps of a way, or dithered. They are rounded to its depth later."""
+        storing = way.storing
+        if way.step > 1:
+            is_normal = self._purpose is Purpose.NORMAL
+            return value_encoding.in_steps(texels, way.step, is_normal=is_normal, with_alpha=self.is_packed)
         return value_encoding.dithered(texels, with_alpha=self.is_packed) if _is_dithered(storing) else texels
 
     def add(
@@ -241,14 +253,14 @@ class MapWriter:
         *,
         level: int = 0,
         is_covered: np.ndarray | None = None,
-        storing: StorageSettings | None = None,
+        way: Way | None = None,
     ) -> None:
         """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
 
         level: of mip levels, which follow the map one by one, if they go into its file.
 
         is_kept: the texels (height, width) bool that stay as they are stored now if the map has kept parts; None for none.
-        is_covered: those (height, width) bool that count when a format is chosen; None for all. storing: how the map is stored
+        is_covered: those (height, width) bool that count when a format is chosen; None for all. way: how the map is stored
         of which this is a level.
 
         Its file is written later. Raises BakeError if that already failed. The texels must not change before `commit` unless
@@ -257,8 +269,11 @@ class MapWriter:
         if level == 0:
             self.tiles.append(tile)
             self.choose(tile, texels, np.ones(texels.shape[:2], bool) if is_covered is None else is_covered)
-        storing = storing or self.storing_of(tile)
-        stored = self._dithered(texels, storing)  # Blender rounds
+        way = way or self.way_of(tile)
+        storing = way.storing
+        if self._path and not self._folder:
+            self._path = map_names.with_ending(self._path, PurePath(storing.output).suffix)
+        stored = self._fitted(texels, way)  # Blender rounds
         if level == 0 and self.is_normal and storing.is_blocks and storing.compression == Compression.BC5:
             self.backwards += int(np.count_nonzero((texels[..., 2] < 0.5) & (texels[..., 3] > 0.0)))
         if self.is_normal and level == 0:
@@ -551,6 +566,7 @@ class Outputs:
                 of_map,
                 is_normal=types[name] is NORMAL,
                 map_type=types[name],
+                endings=map_names.open_endings(settings),
                 color_space=value_encoding.color_space(types[name], of_map.storing),
             )
             for name, of_map in settings_by_map(settings).items()
@@ -611,7 +627,7 @@ class Outputs:
 
     def format_of(self, name: str, tile: int) -> str:
         """How the file of a tile stores a map that has images of its own, in words."""
-        return auto_format.label_of(self._writers[name].storing_of(tile))
+        return auto_format.label_of(self._writers[name].way_of(tile))
 
     def add(
         self,
@@ -638,7 +654,7 @@ class Outputs:
             self._add(NORMAL.name, 0, tile, texels, is_kept)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, black_and_white(state == MISSED), is_kept)
-        elif not self._writers[self._first].storing_of(tile).has_alpha:
+        elif not self._writers[self._first].way_of(tile).storing.has_alpha:
             self._hides_misses |= bool((state == MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         self._add_others(tile, 0, maps)
@@ -744,14 +760,15 @@ class Outputs:
         }
         if not worst:
             return
-        label = file_formats.of(map_names.output_for(self.settings)).label
+        endings = map_names.open_endings(self.settings) or [PurePath(map_names.output_for(self.settings)).suffix]
+        labels = shorten_list(file_formats.of(f"map{each}").label for each in endings)
         reached = shorten_list(
             f"{map_names.map_title(self.settings.map, name)} {chosen.percentile_99:.2g} {chosen.limit.unit}, not "
             f"{chosen.limit.most:g}"
             for name, chosen in worst.items()
         )
         yield Sentence(
-            f"No format of {label} files keeps the limits, so the most exact one is stored, with this at the 99th percentile: "
+            f"No format of {labels} files keeps the limits, so the most exact one is stored, with this at the 99th percentile: "
             f"{reached}. Choose a file of another format, or higher limits.",
             LOOK,
             "over_limit",
@@ -789,7 +806,7 @@ class Outputs:
         """Add a level of a map to its own file, or to that of the map."""
         writer = self._writers[name]
         if (name, level) in self._levels:
-            self._levels[name, level].add(tile, texels, is_kept, storing=writer.storing_of(tile))
+            self._levels[name, level].add(tile, texels, is_kept, way=writer.way_of(tile))
         else:
             writer.add(tile, texels, is_kept, level=level, is_covered=self._covered.get(tile))
 

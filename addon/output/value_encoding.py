@@ -38,6 +38,21 @@ def rounded(values: np.ndarray, depth: int) -> np.ndarray:
     return np.floor(values * steps + np.float32(0.5)) / steps
 
 
+def in_steps(texels: np.ndarray, step: int, *, is_normal: bool = False, with_alpha: bool = False) -> np.ndarray:
+    """`texels` (height, width, 4) float32 from 0 to 1, rounded to multiples of step / 255 and to 1, off by half a step at most.
+
+    is_normal: count from 128 / 255, so that flat normals stay as 8 bits have them. with_alpha: round alpha as well.
+    """
+    result, channels = texels.copy(), 4 if with_alpha else 3
+    middle = np.float32(128.0 if is_normal else 0.0)
+    values = texels[..., :channels] * np.float32(255.0)
+    rounded = np.rint((values - middle) / np.float32(step)) * np.float32(step) + middle
+    if not is_normal:
+        rounded[values > (255 // step * step + 255) / 2] = 255.0
+    result[..., :channels] = np.clip(rounded / np.float32(255.0), 0.0, 1.0)
+    return result
+
+
 def dithered(texels: np.ndarray, *, with_alpha: bool = False) -> np.ndarray:
     """`texels` (height, width, 4) float32 as multiples of 1/255. Their mean over a neighborhood stays the same.
 

@@ -13,7 +13,7 @@ from addon.core.errors import BakeError
 from addon.core.map_types import MARGIN, NORMAL, WRITTEN, Labeled
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import auto_format, image_file
+from addon.output import auto_format, image_file, map_names, value_encoding
 from addon.output.outputs import Outputs
 from tests.support import pictures, zoo
 
@@ -109,11 +109,104 @@ def test_the_lowest_quality_within_the_limit(tmp_path, ending, limit):
     assert how["mean"] == pytest.approx(off.mean(), rel=0.01)
     assert np.percentile(off, 99) <= limit * 1.001
     assert how["limit"] == limit
-    sizes = each_quality(tmp_path, ending, normals, limit)
-    label = (
-        "lossless" if ending == ".webp" and min(sizes, key=sizes.get) == 100 else f"quality {min(sizes, key=sizes.get)}"
+    sizes = {f"quality {each}": size for each, size in each_quality(tmp_path, ending, normals, limit).items()}
+    if ending == ".webp":
+        sizes["lossless"] = sizes.pop("quality 100")
+        sizes |= each_step(tmp_path, normals, limit)
+    assert how["format"].endswith(min(sizes, key=sizes.get))
+
+
+def each_step(folder, normals, limit):
+    """The sizes of .webp files without losses of values that are rounded and keep a limit, by how they are named."""
+    sizes = {}
+    for step in auto_format.ROUNDINGS:
+        rounded = (128 + step * np.round((normals * 255 - 128) / step)).clip(0, 255) / 255
+        if np.percentile(degrees(rounded, normals), 99) <= limit:
+            path = folder / f"steps {step}.webp"
+            image_file.write(np.dstack([rounded, np.ones((SIDE, SIDE))]).astype(np.float32), path, 8)
+            sizes[f"steps of {step}"] = path.stat().st_size
+    return sizes
+
+
+def test_steps_hold_what_flat_maps_have():
+    values = np.random.default_rng(1).random((8, 8, 4), np.float32)
+    values[0, 0], values[0, 1] = 1.0, 0.0
+    for step in auto_format.ROUNDINGS:
+        rounded = value_encoding.in_steps(values, step)
+        assert (rounded[0, :2, :3] == [[1.0], [0.0]]).all()
+        assert np.abs(rounded - values)[..., :3].max() <= step / 510 + 1e-6
+        assert (rounded[..., 3] == values[..., 3]).all()
+        flat = value_encoding.in_steps(
+            np.full((1, 1, 4), 127.6 / 255, np.float32), step, is_normal=True, with_alpha=True
+        )
+        assert np.rint(flat * 255) == pytest.approx(128)
+
+
+def test_maps_that_are_dithered_have_all_steps(tmp_path):
+    how = [
+        only(stored(tmp_path, "m.webp", bumps(noise=0.01), dither=each, most_degrees=2.0)[0].formats)
+        for each in (True, False)
+    ]
+    assert ["steps of" in each["format"] for each in how] == [False, True]
+
+
+def test_an_open_ending_takes_the_smallest_of_all(tmp_path):
+    """Heights have no limit, and stay PNG of all bits. Levels get the ending of their map."""
+    height = np.repeat(bumps()[..., :1], 3, axis=2)
+    others = {"HEIGHT": height, "AO": height}
+    values = {"maps": ("HEIGHT", "AO"), "depth": 16, "mip_files": True, "mips": 2, "targets": ("three",)}
+    result, path = stored(tmp_path, "m_normal", bumps(noise=0.01), others, **values)
+    sizes = {}
+    for ending in (".png", ".webp"):
+        one, _ = stored(tmp_path / "fixed", f"m_normal{ending}", bumps(noise=0.01), others, **values | {"depth": 8})
+        sizes[ending] = {how["map"]: how["bytes"] for how in one.formats.values()}
+    assert {how["map"]: how["bytes"] for how in result.formats.values()} == {
+        name: min(each[name] for each in sizes.values()) for name in ("normal", "ao")
+    }
+    assert path.name == "m_normal.webp"
+    height_file = next(Path(each) for each in result.paths if "height" in each)
+    assert (height_file.suffix, image_file.format_of(height_file).depth) == (".png", 16)
+    assert {Path(each).suffix for each in result.mip_files["normal"]} == {".webp"}
+    assert all(Path(each).is_file() for each in result.mip_files["normal"])
+
+
+OPEN_ENDINGS = [
+    ({}, ["m.png", "m.webp"]),
+    ({"targets": ("unity",)}, ["m.png"]),
+    ({"targets": ("godot", "three")}, ["m.png", "m.webp"]),
+    ({"alpha": False}, ["m.png", "m.webp", "m.jpg"]),
+    ({"width": 16384}, ["m.png"]),
+    ({"pack": "URP", "normal": False}, ["m_metallic_smoothness.png"]),
+]
+
+
+@pytest.mark.parametrize(("values", "files"), OPEN_ENDINGS)
+def test_endings_that_all_engines_read(values, files):
+    settings = Settings(**{"width": 16, "height": 16, "storage": "FILE", "format": "AUTO", "output": "m"} | values)
+    assert list(settings.problems()) == []
+    assert [path for path, _ in map_names.planned_files(settings)] == files
+
+
+def test_all_tiles_get_the_ending_of_the_first(tmp_path, monkeypatch):
+    seen, smallest = [], auto_format.smallest
+    monkeypatch.setattr(
+        auto_format, "smallest", lambda *a, endings: seen.append(endings) or smallest(*a, endings=endings)
     )
-    assert how["format"].endswith(label)
+    settings = Settings(
+        width=SIDE, height=SIDE, image="map", storage="FILE", format="AUTO", udim=True, output=str(tmp_path / "m")
+    )
+    texels = np.dstack([bumps(noise=0.01), np.ones((SIDE, SIDE))]).astype(np.float32)
+    with Outputs(settings) as outputs:
+        for tile in (1001, 1002):
+            outputs.add(tile, {NORMAL.name: (texels.copy(), np.full((SIDE, SIDE), WRITTEN, np.uint8))})
+        paths = outputs.commit(LABELS, []).paths
+    assert [Path(each).name for each in paths] == ["m.1001.webp", "m.1002.webp"]
+    assert seen == [[".png", ".webp"], [".webp"]]
+
+
+def test_fixed_formats_need_an_ending():
+    settings = Settings(storage="FILE", output="m")
+    assert any("does not end in one of" in text for text in settings.problems())
 
 
 def test_noise_within_hundredths_takes_all_bits(tmp_path):

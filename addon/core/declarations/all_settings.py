@@ -262,7 +262,8 @@ OUTPUT: dict[str, Setting] = {
     ),
     "format": Choice(
         label="Format",
-        tooltip="How the bits per channel, the blocks and the quality of files are chosen. Their ending stays",
+        tooltip="How the bits per channel, the blocks, the quality and the steps of files are chosen. Auto also chooses an "
+        "ending that File lacks",
         default=Format.FIXED,
         items=(
             Item(Format.FIXED, "Fixed", "As Depth, Compression and Quality say"),

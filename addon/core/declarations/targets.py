@@ -5,6 +5,7 @@ a program. CHOICES has what the setting Engine offers, where programs that need 
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from ..naming import NAME, USUAL
 from . import bases
@@ -30,6 +31,7 @@ class TargetEngine:
         green: UP or DOWN.
         rebuilds_z: Whether it reads red and green alone and makes z of them, so that no normal has a z below 0.
         depth: Bits per channel that it makes use of.
+        has_webp: Whether it loads WebP images.
         alpha: Whether its images have alpha, in which packed ones store a map.
         preset: Its name among CHOICES.
         settings: What to set in it, in words.
@@ -50,6 +52,7 @@ class TargetEngine:
     green: str = UP
     rebuilds_z: bool = False
     depth: int = 8
+    has_webp: bool = False
     alpha: bool = False
     names: str = f"{NAME}_normal"
     pack: str = Pack.NONE
@@ -60,6 +63,7 @@ class TargetEngine:
 
 _LINEAR = "As a normal map, linear"
 _WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
+_OF_WEB: dict[str, Any] = {"has_webp": True, "pack": Pack.GLTF, "export": ".glb"}
 _PAINTER = f"{NAME}_normal_base"
 """Names by which Substance 3D Painter finds its mesh maps: those of other maps follow, see MapType.painter_suffix."""
 _OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
@@ -76,6 +80,7 @@ TARGETS = (
         "Blender Cycles",
         "Imprint sets up the material",
         depth=16,
+        has_webp=True,
         alpha=True,
         names=USUAL,
         export="",
@@ -87,6 +92,7 @@ TARGETS = (
         "Blender EEVEE",
         "Imprint sets up the material",
         depth=16,
+        has_webp=True,
         alpha=True,
         names=USUAL,
         export="",
@@ -141,6 +147,7 @@ TARGETS = (
         _OF_GODOT,
         rebuilds_z=True,
         depth=16,
+        has_webp=True,
         pack=Pack.GODOT,
         export=".glb",
         compresses=_BC5,
@@ -154,18 +161,15 @@ TARGETS = (
         _OF_GODOT,
         rebuilds_z=True,
         depth=16,
+        has_webp=True,
         pack=Pack.GODOT,
         export=".glb",
         compresses=_BC5,
         compresses_others=_BC7,
     ),
-    TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
-    TargetEngine(
-        "khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
-    ),
-    TargetEngine(
-        "babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
-    ),
+    TargetEngine("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS, **_OF_WEB),
+    TargetEngine("khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS, **_OF_WEB),
+    TargetEngine("babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS, **_OF_WEB),
     TargetEngine("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"),
     TargetEngine(
         "filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS, pack=Pack.GLTF, export=".glb"
