@@ -105,14 +105,14 @@ def work(
     yield Progress("Writing the file", 0.0)
     lows = [baked_low.read(context, reports) for reports in bakes]
     settings = settings or lows[0].reports[0].settings
-    is_webp = file_format.has_webp and settings.get("export_webp", False)
-    if is_webp:
+    changes_maps = file_format.has_webp and webp_pictures.changes(settings)
+    if changes_maps and settings["export_webp"]:
         image_file.check_format(f"map{file_formats.WEBP.endings[0]}")
     lows = [same_file.with_maps_alone(low) for low in lows] if source is not None else lows
     with tempfile.TemporaryDirectory(prefix="imprint-") as name:
         folder = Path(name)
         files, objects = _written(context, file_format, lows, folder / path.name, path, are_levels=are_levels)
-        if is_webp:
+        if changes_maps:
             glb = Glb.parsed(files[0].read_bytes())
             webp_pictures.store(glb, objects, settings, folder)
             files[0].write_bytes(glb.packed())

@@ -5,12 +5,11 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core import file_formats
 from addon.core.errors import BakeError
 from addon.export import engine_files, webp_pictures
 from addon.output import image_file
 from tests.export.test_glb import bake, bent_pair, export
-from tests.support import glb, scenes
+from tests.support import angles, glb, scenes
 from tests.support.glb import EXTENSION
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -40,7 +39,7 @@ def pictures(path, tmp_path):
         texture = tree["textures"][info["index"]]
         image = tree["images"][glb.source(texture)]
         data = glb.image(tree, binary, info["index"])
-        ending = file_formats.WEBP.endings[0] if image["mimeType"] == "image/webp" else ".png"
+        ending = {"image/webp": ".webp", "image/jpeg": ".jpg"}.get(image["mimeType"], ".png")
         (tmp_path / f"{name}{ending}").write_bytes(data)
         found[name] = image_file.read(tmp_path / f"{name}{ending}")
     size = sum(tree["bufferViews"][image["bufferView"]]["byteLength"] for image in tree["images"])
@@ -82,6 +81,49 @@ def test_quality_is_for_colors_and_for_normals_only_if_asked(tmp_path, baked, ha
     assert np.array_equal(found["normal"], expected["normal"]) != has_lossy_normals
     off = done.measured.degrees["MIKKTSPACE"]["percentile_99"]
     assert (off > 1.0) == has_lossy_normals  # the report tells what the losses cost
+
+
+@pytest.mark.parametrize("has_webp", [False, True])
+def test_auto_keeps_limits_in_fewer_bytes(tmp_path, baked, has_webp):
+    """Beside the bake in floats, also where the map lost something before."""
+    export(tmp_path / "png.glb", baked(export_webp=has_webp))
+    _, exact, before = pictures(tmp_path / "png.glb", tmp_path)
+    values = {
+        "storage": "FILE",
+        "output": str(tmp_path / "m_normal.png"),
+        "depth": 8,
+        "format": "AUTO",
+        "most_steps": 6.0,
+    }
+    floats = tmp_path / "m_normal.exr"
+    baked(storage="FILE", output=str(floats), depth=32)
+    truth = image_file.read(floats)
+    is_covered = truth[..., 3] > 0.0
+    for most in (1.5, 1.0):
+        export(tmp_path / "auto.glb", baked(export_webp=has_webp, most_degrees=most, **values))
+        tree, found, size = pictures(tmp_path / "auto.glb", tmp_path)
+        assert size < 0.85 * before
+        off = angles.degrees(*(angles.decode(each[is_covered]) for each in (found["normal"], truth)))
+        assert np.percentile(off, 99) <= 1.02 * most
+        assert (EXTENSION in tree.get("extensionsRequired", ())) == has_webp
+        for name in ("occlusion", "color", "surface"):
+            off = np.abs(found[name] - exact[name])[..., :3].max(axis=2) * 255.0
+            assert np.percentile(off, 99) <= 6.5, name
+
+
+def test_auto_changes_no_image_that_has_no_bytes_to_lose(tmp_path, baked):
+    values = {
+        "storage": "FILE",
+        "output": str(tmp_path / "m_normal.png"),
+        "depth": 8,
+        "format": "AUTO",
+        "most_degrees": 0.01,
+    }
+    export(tmp_path / "png.glb", baked())
+    export(tmp_path / "auto.glb", baked(most_steps=0.1, **values))
+    _, exact, _ = pictures(tmp_path / "png.glb", tmp_path)
+    _, found, _ = pictures(tmp_path / "auto.glb", tmp_path)
+    np.testing.assert_array_equal(found["normal"], exact["normal"])
 
 
 def test_blender_reads_the_maps(tmp_path, baked):
