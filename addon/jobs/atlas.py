@@ -2,7 +2,8 @@
 """Packs the UV islands of several objects into one map, or one for each material, at one texel density, and later those of more
 objects beside them.
 
-Each object gets a UV map of its own for it, and keeps its other ones. Islands of an object that lie on each other stay so.
+Each object gets a UV map of its own for it, and keeps its other ones. Islands of an object that lie on each other stay so, if
+they have the same material.
 """
 
 from collections.abc import Collection, Sequence
@@ -109,11 +110,19 @@ def _textures(lows: Sequence[bpy.types.Object], *, by_material: bool = False) ->
             low.data, _layer(low), low.name, np.array(low.matrix_world, np.float64), with_faces=True
         )
         slots = mesh_reader.material_slots(low.data, mesh, max(1, len(low.material_slots)))
+        kinds = _kinds(low)[slots]
         for one in sets_of(low, is_own_base=True) if by_material else [None]:
-            part = mesh if one is None else mesh.with_triangles(np.isin(slots, one.slots))
+            chosen = slice(None) if one is None else np.isin(slots, one.slots)
+            part = mesh.with_triangles(chosen)
             if len(part.triangles):
-                found.setdefault("" if one is None else one.name, {})[low] = Stacks(part)
+                found.setdefault("" if one is None else one.name, {})[low] = Stacks(part, kinds[chosen])
     return found
+
+
+def _kinds(low: bpy.types.Object) -> np.ndarray:
+    """A number from 0 for each material slot, equal for those with the same material."""
+    materials = [slot.material for slot in low.material_slots] or [None]
+    return np.array([materials.index(material) for material in materials])
 
 
 def _are_packed(textures: Textures, margin: float) -> bool:

@@ -73,10 +73,13 @@ def stacks(mesh: Mesh, uv: MaybeArray = None) -> np.ndarray:
     return np.unique(sums, return_inverse=True)[1]
 
 
-def stacked(mesh: Mesh) -> np.ndarray:
-    """As `islands`, where those with a face on the same place are one. `mesh` must have faces."""
-    numbers, places = islands(mesh), stacks(mesh)[mesh.faces]
-    joined = numbers, numbers.max(initial=-1) + 1 + places.astype(np.int64)
+def stacked(mesh: Mesh, kinds: np.ndarray) -> np.ndarray:
+    """As `islands`, where those with faces of one kind on the same place are one. `mesh` must have faces.
+
+    kinds: (T,) int from 0, of each triangle.
+    """
+    numbers, places = islands(mesh), stacks(mesh)[mesh.faces].astype(np.int64)
+    joined = numbers, numbers.max(initial=-1) + 1 + places * (int(kinds.max(initial=0)) + 1) + kinds
     return topology.components((*joined, joined[1]), int(joined[1].max(initial=-1)) + 1)[0]
 
 

@@ -22,6 +22,7 @@ KINDS, ATTEMPTS = 8, 6
 
 class Stacks:
     """The UV islands of a mesh, of which those with a face on the same place are one, also mirrored, or moved by whole tiles.
+    Faces of different materials are not: one texture of all shows one of them.
 
     Attributes:
         corners: (N,) int, of the mesh.
@@ -36,16 +37,16 @@ class Stacks:
         triangles: (T, 3) int, of `places`; those without area are left out.
     """
 
-    def __init__(self, mesh: Mesh):
-        """mesh: with faces and UVs, and triangles."""
+    def __init__(self, mesh: Mesh, materials: np.ndarray):
+        """mesh: with faces and UVs, and triangles. materials: (T,) int from 0, of each triangle."""
         self.corners, inverse = np.unique(mesh.triangles, return_inverse=True)
         triangles, alone = inverse.reshape(mesh.triangles.shape), uv_islands.islands(mesh)
-        self.tiles = self._tiles(mesh, triangles, alone)
+        self.tiles = self._tiles(mesh, triangles, alone, materials)
         self.uv = mesh.uv[self.corners] - self.tiles
         uv = mesh.uv.copy()
         uv[self.corners] = self.uv
         mesh = replace(mesh, uv=uv)
-        joined = uv_islands.stacked(mesh)
+        joined = uv_islands.stacked(mesh, materials)
         self.of = np.zeros(len(self.corners), np.int64)
         self.of[triangles] = joined[:, None]
         world = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
@@ -62,9 +63,14 @@ class Stacks:
         self.used = float(largest.sum())
         self._merge(uv_islands.places(mesh)[self.corners], triangles)
 
-    def _tiles(self, mesh: Mesh, triangles: np.ndarray, alone: np.ndarray) -> np.ndarray:
-        """`tiles`. triangles: of `corners`. alone: the island of each triangle."""
+    def _tiles(self, mesh: Mesh, triangles: np.ndarray, alone: np.ndarray, materials: np.ndarray) -> np.ndarray:
+        """`tiles`. triangles: of `corners`. alone: the island of each triangle. materials: as of Stacks."""
         away, tiles = uv_islands.moved_copies(mesh), np.zeros((len(self.corners), 2))
+        if away.any() and materials.any():
+            of_kind = [materials == kind for kind in np.unique(materials[away])]
+            for is_kind in of_kind:
+                away[is_kind] &= uv_islands.moved_copies(mesh.with_triangles(is_kind))
+            away &= (np.bincount(alone, ~away) == 0)[alone]  # whole islands alone
         middles = mesh.uv[mesh.triangles].mean(axis=1)
         of_island = [np.bincount(alone, middle) / np.bincount(alone) for middle in middles.T]
         tiles[triangles[away]] = np.floor(np.stack(of_island, axis=1))[alone[away]][:, None]

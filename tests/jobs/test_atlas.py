@@ -229,6 +229,23 @@ def test_copies_that_were_moved_by_a_tile_stay_there():
     assert uv[[0, 2]].max() < 1.0
 
 
+@pytest.mark.parametrize("tile", [0.0, 2.0])
+def test_islands_of_other_materials_are_put_apart(tile):
+    """One texture of all shows one of them: the first and the third have the same material, in two slots."""
+    low = squares("low", [1.0, 1.0, 1.0], [(0.1, 0.1, 0.5), (0.1 + tile, 0.1, 0.5), (0.1 + tile, 0.1, 0.5)])
+    skin, eyes = (bpy.data.materials.new(name) for name in ("skin", "eyes"))
+    for number, material in enumerate((skin, eyes, skin)):
+        low.data.materials.append(material)
+        low.data.polygons[number].material_index = number
+    atlas.pack([low], SETTINGS)
+    uv, place = uv_of(low).reshape(-1, 4, 2), boxes(low)
+    np.testing.assert_allclose(uv[2] - uv[0], np.broadcast_to((tile, 0.0), (4, 2)), atol=1e-6)
+    assert place[1].min() > 0.0
+    assert place[1].max() < 1.0
+    assert (place[1, 0] > place[0, 1]).any() or (place[1, 1] < place[0, 0]).any()
+    assert "have the UV map 'Atlas' already" in atlas.pack([low], SETTINGS)
+
+
 def test_packing_again_moves_nothing_but_what_is_wrong():
     *first, more = objects()
     more.scale = (0.2, 0.2, 0.2)
