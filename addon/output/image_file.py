@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encodes texels as image files: PNG, DDS and KTX2 by writers of its own, all other formats by OpenImageIO, which Blender
-contains."""
+"""Encodes texels as image files: PNG, DDS and KTX2 by writers of its own, all other formats by OpenImageIO, which most builds
+of Blender contain. Without it, Blender itself reads PNG files."""
 
 import importlib
 import os
+import struct
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ import numpy as np
 
 from ..blocks import decoding
 from ..blocks.formats import BC5, BC7, BlockFormat, Purpose
-from ..core import file_formats, threads
+from ..core import file_formats, foreach, threads
 from ..core.errors import BakeError
 from ..core.file_formats import FileFormat
 from ..core.file_structure import whole_files
@@ -64,6 +65,8 @@ _ENCODINGS: Mapping[FileFormat, _Encoding] = MappingProxyType(
 )
 
 
+_WITH_ALPHA = 4, 6
+"""The kinds of colors of PNG files that have alpha."""
 KEYWORD, ATTRIBUTE = "Imprint", "ImageDescription"
 """Where a file has its note: the keyword of a text in PNG files, and OpenImageIO's name in all others."""
 
@@ -239,6 +242,8 @@ def format_of(path: str | Path) -> Format:
     """How a file stores its texels. Raises BakeError."""
     if file_formats.of(path).is_blocks:
         return _format_of(containers.head_of(path))
+    if _is_for_blender(path):
+        return _format_of_png(path)
     with _opened(path) as (_, stored_as):
         return stored_as
 
@@ -248,6 +253,8 @@ def read(path: str | Path) -> np.ndarray:
     BakeError."""
     if file_formats.of(path).is_blocks:
         return decoded(containers.read(path))
+    if _is_for_blender(path):
+        return _read_by_blender(path)
     with _opened(path) as (picture, stored_as):
         spec = picture.spec()
         colors = spec.nchannels - stored_as.has_alpha
@@ -292,6 +299,44 @@ def decoded(container: Container, level: int = 0) -> np.ndarray:
 def _format_of(container: Container) -> Format:
     is_float = container.block_format.is_float
     return Format(container.size, value_encoding.HALF if is_float else 8, is_float, container.has_alpha)
+
+
+def _is_for_blender(path: str | Path) -> bool:
+    """Whether Blender reads a file: a PNG file, where OpenImageIO is not there."""
+    if file_formats.of(path) is not file_formats.PNG:
+        return False
+    try:
+        _library()
+    except BakeError:
+        return True
+    return False
+
+
+def _format_of_png(path: str | Path) -> Format:
+    """How a PNG file stores its texels, as ISO/IEC 15948 has its head. Raises BakeError."""
+    head = struct.Struct(">8x8s2I2B")
+    try:
+        with open(path, "rb") as file:
+            kind, width, height, depth, color = head.unpack(file.read(head.size))
+    except (OSError, struct.error) as error:
+        raise BakeError(f"{str(path)!r} could not be read: {error}.") from error
+    if kind[4:] != b"IHDR":
+        raise BakeError(f"{str(path)!r} could not be read: it is no PNG file.")
+    return Format((width, height), max(8, depth), False, color in _WITH_ALPHA)
+
+
+def _read_by_blender(path: str | Path) -> np.ndarray:
+    """The texels of a PNG file, as the function `read` has them. Raises BakeError."""
+    most = np.float32(2 ** _format_of_png(path).depth - 1)
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image.colorspace_settings.is_data, image.alpha_mode = True, "CHANNEL_PACKED"  # texels as they are stored
+        texels = foreach.pixels(image)
+    finally:
+        bpy.data.images.remove(image)
+    if not texels.size:
+        raise BakeError(f"{str(path)!r} could not be read.")
+    return np.rint(texels * most) / most  # Blender divides in another way
 
 
 @contextmanager

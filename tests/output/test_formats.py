@@ -419,12 +419,43 @@ def test_files_have_no_time_which_would_differ_in_equal_bakes(ending, tmp_path):
     assert set(found) <= {b"0000:00:00 00:00:00"}
 
 
-def test_a_blender_without_openimageio_names_it_before_the_bake_and_writes_png(tmp_path, monkeypatch):
+@pytest.fixture
+def without_openimageio(monkeypatch):
     def fail(name):
         raise ModuleNotFoundError(f"No module named {name!r}")
 
     image_file._library.cache_clear()
     monkeypatch.setattr(importlib, "import_module", fail)
+
+
+@pytest.mark.parametrize("depth", file_formats.PNG.depths)
+@pytest.mark.parametrize("how", ["is_color", "is_gray", "has_alpha", ""])
+def test_a_blender_without_openimageio_reads_the_same_from_png(tmp_path, request, how, depth):
+    """Whatever alpha is, and whatever color space the file declares."""
+    path = tmp_path / "map.png"
+    part = image_file.content(some_texels(), path, depth, **({how: how != "has_alpha"} if how else {}))
+    part.write(path, (each() for each in part.parts))
+    stored, texels = image_file.format_of(path), image_file.read(path)
+    request.getfixturevalue("without_openimageio")
+    assert image_file.format_of(path) == stored
+    np.testing.assert_array_equal(image_file.read(path), texels)
+    assert not bpy.data.images
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"no picture, but long enough for a head", png_writer.SIGNATURE + bytes(30)],
+    ids=["empty", "text", "cut"],
+)
+def test_a_blender_without_openimageio_refuses_a_spoiled_png(tmp_path, without_openimageio, content):
+    path = tmp_path / "map.png"
+    path.write_bytes(content)
+    with pytest.raises(BakeError, match="could not be read"):
+        image_file.read(path)
+    assert not bpy.data.images
+
+
+def test_a_blender_without_openimageio_names_it_before_the_bake_and_writes_png(tmp_path, without_openimageio):
     path = list(sys.path)
     for ending, file_format in file_formats.BY_ENDING.items():
         output, depth = str(tmp_path / f"map{ending}"), file_format.depths[0]
