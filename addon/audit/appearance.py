@@ -148,6 +148,7 @@ def measure(
     *,
     others: Mesh | None = None,
     detail: Detail | None = None,
+    is_quick: bool = False,
 ) -> Task[Appearance | None]:
     """Measure one low mesh. Returns None if no pixel shows both it and a high mesh. To compare several low meshes with the same
     high ones, do so within `kept_pictures`.
@@ -157,9 +158,11 @@ def measure(
         shown: its map; None for its own normals.
         others: a part of the low mesh that hides what is behind it, and is not judged.
         detail: USUAL if None.
+        is_quick: whether a quarter of the pixels does.
     """
     around = [low, *([others] if others is not None else [])]
     seen = yield from part(seen_highs(highs, around, detail), 0.0, 0.5)
+    seen = seen.half if is_quick else seen
     return (yield from part(seen.compare(low, shown, others=others), 0.5, 1.0))
 
 

@@ -360,11 +360,11 @@ class _Making:
 
     def _errors(self, lows: Sequence[Low]) -> Task[list[float]]:
         """The mean shading errors of a low object and its levels with its normal map, quickly; empty if that shows nothing."""
-        texels = yield from part(self.judge.normal_map(lows[0].obj, appearance_judge.QUICK_SIDE), 0.0, 0.5)
+        texels = yield from part(self.judge.normal_map(lows[0].obj), 0.0, 0.5)
         errors = []
         for done, low in enumerate(lows if texels is not None else ()):
             ends = (0.5 + 0.5 * share / len(lows) for share in (done, done + 1))
-            seen = yield from part(self.judge.with_map(low.obj, texels), *ends)
+            seen = yield from part(self.judge.with_map(low.obj, texels, is_quick=True), *ends)
             if seen is None:
                 return []
             errors.append(seen.mean)

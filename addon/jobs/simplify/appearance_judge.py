@@ -96,14 +96,14 @@ class AppearanceJudge:
         self._context, self._request, self._pace, self._high, self._timings = context, request, pace, high, timings
         settings = request.settings.read_by(context.scene.render.engine).without_file().without_materials()
         self._settings = settings.without_other_maps().traced(method=Method.CAST)
+        self._quick_settings = self._settings.of_at_most(QUICK_SIDE).sampled(samples=1)
         self._places: tuple[Samples, SeenHighs, SeenPlaces] | None = None
         """The samples of a source, and where they were last seen."""
 
     def quickly(self, low: LowMesh) -> Task[Seen]:
         """What a viewer sees of a low mesh, on a small map with one sample."""
         with self._object_of(low) as obj:
-            settings = self._settings.of_at_most(QUICK_SIDE).sampled(samples=1)
-            return (yield from self._seen(obj, low, settings, is_quick=True))
+            return (yield from self._seen(obj, low, self._quick_settings, is_quick=True))
 
     def within(self, wanted: Wanted, low: LowMesh) -> Task[Seen]:
         """What has a limit, of a low mesh with the samples and the size of the finished one. Raises NoGpu."""
@@ -118,12 +118,12 @@ class AppearanceJudge:
                     )
         return replace(seen, distance=distance)
 
-    def normal_map(self, low: bpy.types.Object, size: int) -> Task[np.ndarray | None]:
+    def normal_map(self, low: bpy.types.Object, size: int | None = None) -> Task[np.ndarray | None]:
         """The normal map of a low object with UVs as it is stored, (rows, columns, 4) float32; None if it shows nothing.
 
-        size: the side that it has at most.
+        size: the side that it has at most; None for a small map with one sample.
         """
-        settings = self._settings.of_at_most(size)
+        settings = self._settings.of_at_most(size) if size else self._quick_settings
         request = replace(self._request, job=self._request.job.but(low=low), settings=settings)
         try:
             drawing = self._timed(draw_raw(self._context, request, Run(settings, self._pace)), "draw")
@@ -133,14 +133,18 @@ class AppearanceJudge:
         texels, _ = normal_space.stored(maps[udim.FIRST][NORMAL.name], settings)
         return kept(texels, settings)
 
-    def with_map(self, low: bpy.types.Object, texels: np.ndarray) -> Task[Appearance | None]:
-        """What a viewer sees of a low object that shows the normal map of another one. texels: as `normal_map` returns them."""
+    def with_map(self, low: bpy.types.Object, texels: np.ndarray, *, is_quick: bool = False) -> Task[Appearance | None]:
+        """What a viewer sees of a low object that shows the normal map of another one.
+
+        Args:
+            texels: as `normal_map` returns them.
+            is_quick: whether fewer pixels do.
+        """
         request = replace(self._request, job=self._request.job.but(low=low))
         meshes = closed(read_meshes(self._context, request), request.job)
         mesh = meshes.basis or meshes.low
-        looking = appearance.measure(
-            meshes.highs, mesh, ShownMap({udim.FIRST: texels}, normal_space.reading(self._settings.map))
-        )
+        shown = ShownMap({udim.FIRST: texels}, normal_space.reading(self._settings.map))
+        looking = appearance.measure(meshes.highs, mesh, shown, is_quick=is_quick)
         return (yield from self._timed(looking, "look"))
 
     def shared(self, wanted: Wanted, low: UvMesh, texels: np.ndarray) -> Task[Seen]:
