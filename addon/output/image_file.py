@@ -196,12 +196,12 @@ class Blocks:
         return block_encoding.encoded(texels, self.block_format, self.purpose, weights)
 
 
-def after_losses(texels: np.ndarray, path: str | Path, quality: int) -> np.ndarray:
+def after_losses(texels: np.ndarray, path: str | Path, quality: int, *, has_alpha: bool = False) -> np.ndarray:
     """What is read of texels of 8 bits, as `content` takes them, from a file of this quality in the format that the ending of
     `path` names. Alpha stays the same. Raises BakeError."""
     with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
         file = Path(folder, "map").with_suffix(PurePath(path).suffix)
-        content(texels, file, 8, has_alpha=False, quality=quality).write(file, iter(()))
+        content(texels, file, 8, has_alpha=has_alpha, quality=quality).write(file, iter(()))
         shown = read(file)
     shown[..., 3] = texels[..., 3]
     return shown

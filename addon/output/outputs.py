@@ -93,7 +93,9 @@ def _kept(texels: np.ndarray, storing: StorageSettings) -> np.ndarray:
         shown = value_encoding.rounded(texels, storing.depth)
     else:
         return texels.astype(np.float16).astype(np.float32) if storing.is_half else texels.copy()
-    return image_file.after_losses(shown, storing.output, storing.quality) if storing.is_lossy else shown
+    if not storing.is_lossy:
+        return shown
+    return image_file.after_losses(shown, storing.output, storing.quality, has_alpha=storing.has_alpha)
 
 
 def _packed_tiles(settings: Settings) -> str:

@@ -193,6 +193,17 @@ def test_files_with_losses_are_measured_as_they_are_stored(tmp_path, name):
     assert_loss(found.loss, meant, kept)
 
 
+@pytest.mark.parametrize("alpha", [True, False])
+def test_losses_beside_a_background_are_those_of_the_file(tmp_path, alpha):
+    """Alpha decides what WebP stores of the background, and blocks mix it with the normals beside it."""
+    texels = normals((64, 64))
+    texels[:, 20:, 3] = 0.0
+    chosen = settings_of(tmp_path / "m.webp", size=(64, 64), quality=60, lossy_normals=True, alpha=alpha)
+    image_file.write(texels, tmp_path / "m.webp", 8, has_alpha=alpha, quality=60)
+    stored = image_file.read(tmp_path / "m.webp")
+    assert np.array_equal(outputs.kept(texels, chosen)[:, :20, :3], stored[:, :20, :3])
+
+
 def test_limits_on_what_a_compressor_leaves():
     (limit,) = limits.parse("targets.unreal.compressed.p99<1deg")
     report = {"targets": {"unreal": {"percentile_99": 0.3, "compressed": {"percentile_99": 1.5}}}}

@@ -45,12 +45,17 @@ class NoEngine(Exception):
 
 @dataclass(frozen=True)
 class Model:
-    """A .glb for an engine. kind: "object" for an object-space map, otherwise "tangent". outputs: of OUTPUTS, what to draw."""
+    """A .glb for an engine.
+
+    kind: "object" for an object-space map, otherwise "tangent". outputs: of OUTPUTS, what to draw. map: the ending and the
+    content of a file that three.js shows in place of the normal map, by texel; "f32" for square floats, the top row first.
+    """
 
     name: str
     content: bytes
     kind: str = "tangent"
     outputs: tuple[str, ...] = (NORMAL,)
+    map: tuple[str, bytes] | None = None
 
 
 def find_chromium() -> str:
@@ -96,6 +101,7 @@ class Server(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.modules, self.job, self.keep = modules.resolve(), job, keep
         self.models = {f"{model.name}.glb": model.content for model in models}
+        self.maps = {f"{model.name}.{model.map[0]}": model.map[1] for model in models if model.map}
         self.tangents: dict[str, list[list[float] | None]] = {}
         self.ended, self.failure = threading.Event(), ""
 
@@ -106,6 +112,8 @@ class Server(ThreadingHTTPServer):
             return json.dumps(self.job).encode(), KINDS[".json"]
         if first == "glb" and rest in self.models:
             return self.models[rest], "model/gltf-binary"
+        if first == "map" and rest in self.maps:
+            return self.maps[rest], "application/octet-stream"
         top = {"pages": PAGES, "npm": self.modules}.get(first)
         file = (top / rest).resolve() if top else PAGES / "index.html"
         if (top and not file.is_relative_to(top)) or (first and not top) or not file.is_file():
@@ -165,7 +173,10 @@ def render(
     where there is nothing. Returns the tangents that the engine has loaded, four numbers each, by the names of the models and
     their parts; None for a part without. Raises NoEngine if the page fails.
     """
-    names = [{"name": model.name, "kind": model.kind, "outputs": model.outputs} for model in models]
+    names = [
+        {"name": model.name, "kind": model.kind, "outputs": model.outputs, "map": model.map and model.map[0]}
+        for model in models
+    ]
     job = {"engine": engine, "size": size, "views": views, "models": names, "right_handed": True}
     with (
         Server(modules, job, models, keep) as server,

@@ -10,7 +10,8 @@ async function main() {
   const canvas = new FloatCanvas(job.size);
   const renderer = await engine.start(canvas, job);
   for (const model of job.models) {
-    const shown = await renderer.load(`/glb/${model.name}.glb`, model.kind);
+    const map = model.map && `/map/${model.name}.${model.map}`;
+    const shown = await renderer.load(`/glb/${model.name}.glb`, model.kind, map);
     for (let view = 0; view < job.views; view++) {
       for (const output of model.outputs) {
         await post(`/result/${model.name}/${view}/${output}`, await shown.render(view, output));

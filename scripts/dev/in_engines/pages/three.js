@@ -2,6 +2,7 @@
 // three.js: MeshStandardMaterial, with its normal, its base color, or occlusion, roughness and metallic as the color.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
 const END = "#include <dithering_fragment>";
 const START = "uniform float opacity;";
@@ -21,14 +22,16 @@ export async function start(canvas) {
   renderer.setSize(canvas.size, canvas.size, false);
   renderer.setClearColor(0, 0);
   return {
-    async load(url, kind) {
+    async load(url, kind, map) {
       const gltf = await new GLTFLoader().loadAsync(url);
+      const texture = map && (await textureAt(map, renderer));
       const index = { value: 0 };
       const tangents = [];
       gltf.scene.traverse(({ geometry }) => geometry && tangents.push(geometry.attributes.tangent?.array ?? null));
       gltf.scene.traverse(({ material }) => {
         if (!material) return;
         if (!material.isMeshStandardMaterial) throw new Error(`${material.type} instead of MeshStandardMaterial`);
+        if (texture) material.normalMap = texture;
         if (kind === "object") material.normalMapType = THREE.ObjectSpaceNormalMap;
         material.onBeforeCompile = (shader) => {
           for (const part of [START, END]) {
@@ -58,4 +61,22 @@ export async function start(canvas) {
       };
     },
   };
+}
+
+async function textureAt(url, renderer) {
+  let texture;
+  if (url.endsWith(".f32")) {
+    const data = new Float32Array(await (await fetch(url)).arrayBuffer());
+    const size = Math.sqrt(data.length / 4);
+    texture = new THREE.DataTexture(data, size, size, THREE.RGBAFormat, THREE.FloatType);
+  } else if (url.endsWith(".ktx2")) {
+    const loader = new KTX2Loader().setTranscoderPath("/npm/three/examples/jsm/libs/basis/").detectSupport(renderer);
+    texture = await loader.loadAsync(url);
+  } else {
+    texture = await new THREE.TextureLoader().loadAsync(url);
+    texture.flipY = false;
+  }
+  texture.magFilter = texture.minFilter = THREE.NearestFilter;
+  texture.needsUpdate = true;
+  return texture;
 }
