@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compares what Imprint reads from blocks with OpenImageIO, Pillow and texture2ddecoder.
 
-    .venv/bin/python scripts/dev/block_readers.py [--seed 1] [FILE.dds FILE.ktx2 ...]
+    .venv/bin/python scripts/dev/block_readers.py [--seed 1] [FILE.dds FILE.ktx2 MAP.exr ...]
 
 Without files, random blocks of each mode of each format are read. With files, the largest level of each: OpenImageIO reads a
-DDS file itself, the others its blocks. The first call installs texture2ddecoder into out/decoders. Ends with 1 if
-any differs by more than its rule:
+DDS file itself, the others its blocks. Other images are stored in all formats of blocks first. The first call installs
+texture2ddecoder into out/decoders. Ends with 1 if any differs by more than its rule:
 
 - BC7: not at all, in 8 bits. Pillow shows blocks without a mode in opaque black, which are left out.
 - BC4, BC5: below 1/255. Imprint keeps the floats that GPUs interpolate; the others round to 8 bits, each its own way.
@@ -19,16 +19,21 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from itertools import product
 from pathlib import Path
 from unittest import mock
 
+import bpy  # noqa: F401  it has gpu
+import gpu
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+import addon  # noqa: E402
 from addon.blocks import decoding, formats  # noqa: E402
-from addon.output import containers  # noqa: E402
+from addon.core import file_formats  # noqa: E402
+from addon.output import containers, image_file  # noqa: E402
 from tests.support import packed_blocks, pictures  # noqa: E402
 
 ENVIRONMENT = ROOT / "out" / "decoders"
@@ -96,6 +101,23 @@ def compared(path, blocks, block_format, size):
     yield "texture2ddecoder", largest(np.abs(steps - by_texture2ddecoder(blocks, block_format))), rule
 
 
+def in_blocks(path, folder):
+    """The file at a path, if it has blocks; an image in each format of blocks and each container, in a folder."""
+    if file_formats.of(path).is_blocks:
+        yield path
+        return
+    gpu.init()
+    texels = image_file.read(path)
+    for each, container in product(formats.FORMATS, (file_formats.DDS, file_formats.KTX2)):
+        file = folder / f"{path.stem} {each.name}{container.endings[0]}"
+        purpose = formats.Purpose.NORMAL if each is formats.BC5 else formats.Purpose.DATA
+        values = texels * 2.0 - 1.0 if each.is_signed else texels
+        held = image_file.Blocks(each, purpose, has_map_in_alpha=True)
+        how = {"has_alpha": each.channels == 4, "is_color": False, "note": ""}
+        held.content(values.astype(np.float32), file, **how).write(file, iter(()))
+        yield file
+
+
 def show(name, rows):
     """Print the rows, and tell whether all keep their rules."""
     kept = True
@@ -110,20 +132,24 @@ def main():
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    contents = [(path.name, path, containers.read(path)) for path in arguments.files]
-    maps = [(name, path, content.levels[0], content.block_format, content.size) for name, path, content in contents]
-    for each in formats.FORMATS if not arguments.files else ():
-        blocks = packed_blocks.random_blocks(each.name, arguments.seed, 1024)
-        maps.append((f"random {each.label}", None, blocks, each, (4 * blocks.shape[1], 4 * blocks.shape[0])))
-    kept = True
+    kept, count = True, 0
     with tempfile.TemporaryDirectory() as folder:
+        files = [file for path in arguments.files for file in in_blocks(path, Path(folder))]
+        contents = [(path.name, path, containers.read(path)) for path in files]
+        maps = [(name, path, content.levels[0], content.block_format, content.size) for name, path, content in contents]
+        for each in formats.FORMATS if not arguments.files else ():
+            blocks = packed_blocks.random_blocks(each.name, arguments.seed, 1024)
+            maps.append((f"random {each.label}", None, blocks, each, (4 * blocks.shape[1], 4 * blocks.shape[0])))
         for name, path, blocks, block_format, size in maps:
             rows = compared(path, blocks, block_format, size)
             if path is None or path.suffix.lower() != ".dds":
                 made = Path(folder, "blocks.dds")
                 made.write_bytes(packed_blocks.dds(blocks, block_format.dxgi))
                 rows = compared(made, blocks, block_format, (4 * blocks.shape[1], 4 * blocks.shape[0]))
-            kept &= show(name, rows)
+            rows = list(rows)
+            kept, count = kept & show(name, rows), count + len(rows)
+    print(f"{len(maps)} of blocks, {count} comparisons")
+    addon.free()
     return 0 if kept else 1
 
 
