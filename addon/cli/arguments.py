@@ -274,8 +274,11 @@ def _given(options: argparse.Namespace, names: Iterable[str]) -> list[str]:
 def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
     if PurePath(options.export).suffix.lower() not in file_formats.MESHES:
         yield f"{options.export!r} does not end in {file_formats.listed_meshes()}"
-    elif options.export_webp and PurePath(options.export).suffix.lower() != file_formats.MESHES[0]:
-        yield f"{options.export!r} cannot have the WebP textures of --export-webp: only a {file_formats.MESHES[0]} file can"
+    elif PurePath(options.export).suffix.lower() != file_formats.MESHES[0]:
+        only = f"only a {file_formats.MESHES[0]} file can"
+        for name, what in (("export_webp", "WebP"), ("export_ktx2", "KTX2")):
+            if vars(options)[name]:
+                yield f"{options.export!r} cannot have the {what} textures of --{option_word(name)}: {only}"
     if options.frames:
         yield "--export is for one map, --frames for many"
     if options.normal and options.space != Space.TANGENT:

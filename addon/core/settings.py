@@ -206,6 +206,8 @@ class StorageSettings:
     lossy_normals: bool = _field("lossy_normals")
     export_webp: bool = _field("export_webp")
     """Whether maps in an exported .glb are WebP."""
+    export_ktx2: bool = _field("export_ktx2")
+    """Whether they are KTX2."""
     vertex_domain: str = _field("vertex_domain")
     connect_maps: bool = _field("connect_maps")
     material: bool = _field("material")
@@ -384,6 +386,8 @@ class Settings:
                     yield f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it."
                 if placeholder not in (LOW, NAME, MATERIAL):
                     yield f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name."
+        if self.storing.export_webp and self.storing.export_ktx2:
+            yield "The maps of an exported .glb cannot be both WebP and KTX2: choose one of them."
         if self.storing.storage == Storage.FILE:
             yield from self._wrong_output()
 

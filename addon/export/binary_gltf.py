@@ -23,10 +23,10 @@ TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: n
 
 SHORT = 0xFFFF
 """Numbers of vertices below it fit into two bytes."""
-JPEG, PNG, WEBP = "image/jpeg", "image/png", "image/webp"
+JPEG, PNG, WEBP, KTX2 = "image/jpeg", "image/png", "image/webp", "image/ktx2"
 """The formats of images, by their media types."""
-WEBP_TEXTURES = "EXT_texture_webp"
-"""The extension by which textures show WebP images."""
+EXTENSIONS = {WEBP: "EXT_texture_webp", KTX2: "KHR_texture_basisu"}
+"""The extensions by which textures show images, by their formats."""
 
 
 @dataclass
@@ -124,14 +124,17 @@ class Glb:
         """Give a buffer view other bytes. The former ones stay until `pack_buffer`."""
         self.tree["bufferViews"][number] |= {"byteOffset": self._append(data), "byteLength": len(data)}
 
-    def show_webp(self, texture: dict[str, Any], image: int) -> None:
-        """Have a texture show a WebP image alone, which readers of the file must know then."""
+    def show_image(self, texture: dict[str, Any], image: int) -> None:
+        """Have a texture show an image alone, whose format readers of the file must know then if it is one of EXTENSIONS."""
+        extension = EXTENSIONS.get(self.tree["images"][image].get("mimeType", ""))
+        if extension is None:
+            return
         texture.pop("source", None)
-        texture.setdefault("extensions", {})[WEBP_TEXTURES] = {"source": image}
+        texture.setdefault("extensions", {})[extension] = {"source": image}
         for key in ("extensionsUsed", "extensionsRequired"):
             names = self.tree.setdefault(key, [])
-            if WEBP_TEXTURES not in names:
-                names.append(WEBP_TEXTURES)
+            if extension not in names:
+                names.append(extension)
 
     def whole(self, number: int) -> np.ndarray:
         """As `accessor`, in an array of its own, also of values that are all 0, or stored where they are not."""
@@ -203,8 +206,9 @@ def _mime_type(image: bytes) -> str:
 
 
 def shown_image(texture: Mapping[str, Any]) -> int:
-    """The number of the image that a texture shows where WebP is known."""
-    return texture.get("extensions", {}).get(WEBP_TEXTURES, texture)["source"]
+    """The number of the image that a texture shows where EXTENSIONS are known."""
+    extensions = texture.get("extensions", {})
+    return next((extensions[each] for each in EXTENSIONS.values() if each in extensions), texture)["source"]
 
 
 KINDS = ("materials", "textures", "samplers", "images", "accessors", "bufferViews")
@@ -214,8 +218,7 @@ FOLLOWED = {
         "KHR_texture_transform",
         "KHR_mesh_quantization",
         "KHR_materials_variants",
-        "KHR_texture_basisu",
-        WEBP_TEXTURES,
+        *EXTENSIONS.values(),
     ),
     *("KHR_lights_punctual", "KHR_node_visibility", "EXT_mesh_manifold"),
 }

@@ -21,7 +21,7 @@ from ..core.report import VISIBLE, Report
 from ..output import atomic_file, datablocks, image_file
 from ..output.atomic_file import Partial, all_or_none
 from ..output.path_clashes import Places
-from . import baked_low, comparison, map_pictures, same_file, staging, webp_pictures
+from . import baked_low, basis_textures, comparison, map_pictures, same_file, staging, webp_pictures
 from .baked_low import BakedLow, FileMesh
 from .binary_gltf import Glb
 from .comparison import Baked, Measured
@@ -106,7 +106,9 @@ def work(
     lows = [baked_low.read(context, reports) for reports in bakes]
     settings = settings or lows[0].reports[0].settings
     changes_maps = file_format.has_webp and webp_pictures.changes(settings)
-    if changes_maps and settings["export_webp"]:
+    if changes_maps and settings.get("export_ktx2", False):
+        basis_textures.check()
+    elif changes_maps and settings["export_webp"]:
         image_file.check_format(f"map{file_formats.WEBP.endings[0]}")
     lows = [same_file.with_maps_alone(low) for low in lows] if source is not None else lows
     with tempfile.TemporaryDirectory(prefix="imprint-") as name:
@@ -261,6 +263,9 @@ def _texels_in(mesh: FileMesh, texture: int, channels: Sequence[str], folder: Pa
     picture = mesh.pictures[texture]
     if picture is None:
         return None
+    if picture.startswith(basis_textures.MAGIC):
+        values = basis_textures.decoded(picture)[::-1].astype(np.float32) / np.float32(255.0)
+        return map_pictures.turned(values, channels)
     path = folder / f"read back{file_formats.PNG.endings[0]}"
     path.write_bytes(picture)
     with map_pictures.loaded(path) as image:

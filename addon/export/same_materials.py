@@ -161,8 +161,7 @@ class Materials:
             image = made["images"][binary_gltf.shown_image(texture)]
             kept = {key: image[key] for key in ("name", "mimeType") if key in image}
             entry = {"source": self.file.add("images", kept | {"bufferView": self.file.add_view(data)})}
-            if image.get("mimeType") == binary_gltf.WEBP:
-                self.file.show_webp(entry, entry["source"])
+            self.file.show_image(entry, entry["source"])
             if "sampler" in texture:
                 entry["sampler"] = self.file.add("samplers", deepcopy(made["samplers"][texture["sampler"]]))
             self._images[data] = self.file.add("textures", entry)

@@ -3,6 +3,7 @@
 or in the smallest way within limits."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +16,26 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..output import auto_format, image_file, value_encoding
 from ..output.auto_format import DEGREES, STEPS, Trial, Way
-from .binary_gltf import JPEG, PNG, WEBP, Glb, shown_image
+from . import basis_textures
+from .binary_gltf import JPEG, KTX2, PNG, WEBP, Glb, shown_image
 from .same_materials import KEYS, Maps, primitives_of
 from .staging import Staged
 
-NAMES = "export_webp", "quality", "lossy_normals", "storage", "format", "most_degrees", "most_steps"
+NAMES = "export_webp", "export_ktx2", "quality", "lossy_normals", "storage", "format", "most_degrees", "most_steps"
 """The settings that this is by."""
 LOSSLESS = 100
 """The quality without losses."""
 LONGEST_SIDE = file_formats.WEBP.longest_side
 _NORMAL = "normalTexture"
+_COLORS = "baseColorTexture", "emissiveTexture"
 _KINDS = {
     ending: kind
-    for kind, each in ((PNG, file_formats.PNG), (WEBP, file_formats.WEBP), (JPEG, file_formats.JPEG))
+    for kind, each in (
+        (PNG, file_formats.PNG),
+        (WEBP, file_formats.WEBP),
+        (JPEG, file_formats.JPEG),
+        (KTX2, file_formats.KTX2),
+    )
     for ending in each.endings
 }
 _ROUNDED = {DEGREES: 0.4, STEPS: 0.5}
@@ -36,7 +44,7 @@ _ROUNDED = {DEGREES: 0.4, STEPS: 0.5}
 
 def changes(settings: Mapping[str, Any]) -> bool:
     """Whether maps are stored in another way than Blender's exporter has them. settings: those of NAMES."""
-    return bool(settings.get("export_webp", False)) or _is_auto(settings)
+    return bool(settings.get("export_webp", False) or settings.get("export_ktx2", False)) or _is_auto(settings)
 
 
 def _is_auto(settings: Mapping[str, Any]) -> bool:
@@ -47,7 +55,8 @@ def store(file: Glb, staged: Sequence[Staged], settings: Mapping[str, Any], fold
     """Store the maps of staged objects in a file that Blender's exporter has written of them.
 
     Normal maps are without losses unless the settings say otherwise. With Format Auto, each image is the smallest that keeps
-    the limits beside what the map lost before: PNG, JPEG, and WebP if the settings have it. Other textures stay as they are,
+    the limits beside what the map lost before: PNG, JPEG, and WebP if the settings have it. KTX2 has UASTC where others have
+    no losses, else ETC1S, and takes sides that are multiples of four. Other textures stay as they are,
     and so does a map with a side above LONGEST_SIDE, or with an alpha of 0 somewhere: WebP does not keep the colors there,
     which filtering shows at the borders of cutouts.
 
@@ -55,16 +64,17 @@ def store(file: Glb, staged: Sequence[Staged], settings: Mapping[str, Any], fold
         settings: Those of NAMES.
         folder: For temporary files.
     """
-    if _is_auto(settings):
+    if settings.get("export_ktx2", False):
+        for number, kinds in _kinds(file, staged, settings).items():
+            _store_ktx2(file, number, kinds, folder)
+    elif _is_auto(settings):
         for number, limits in _limits(file, staged, settings).items():
             _store_smallest(file, number, limits, folder, with_webp=settings["export_webp"])
     else:
         for number, quality in _qualities(file, staged, settings).items():
             _store(file, number, quality, folder)
-    images = file.tree.get("images", ())
     for texture in file.tree.get("textures", ()):
-        if images[shown_image(texture)]["mimeType"] == WEBP:
-            file.show_webp(texture, shown_image(texture))
+        file.show_image(texture, shown_image(texture))
     file.pack_buffer()
 
 
@@ -157,6 +167,41 @@ def _store_smallest(file: Glb, number: int, limits: Mapping[str, float], folder:
     before = file.tree["bufferViews"][file.tree["images"][number]["bufferView"]]["byteLength"]
     if chosen.keeps_limit and chosen.trial and chosen.trial.size < before:
         _replace(file, number, write(chosen.way))
+
+
+@dataclass(frozen=True)
+class _Kinds:
+    """What an image of KTX2 holds."""
+
+    quality: int
+    is_normal: bool
+    is_color: bool
+
+
+def _kinds(file: Glb, staged: Sequence[Staged], settings: Mapping[str, Any]) -> dict[int, _Kinds]:
+    """What each image that holds a baked map is for."""
+    infos = [owner.get(key) for owner in _owners(file) for key in _COLORS]
+    colors = {shown_image(file.tree["textures"][info["index"]]) for info in infos if isinstance(info, dict)}
+    normals = {number for number, is_normal, _ in _baked(file, staged) if is_normal}
+    qualities = _qualities(file, staged, settings)
+    return {number: _Kinds(quality, number in normals, number in colors) for number, quality in qualities.items()}
+
+
+def _owners(file: Glb) -> list[dict[str, Any]]:
+    materials = file.tree.get("materials", ())
+    return [owner for each in materials for owner in (each, each.get("pbrMetallicRoughness", {}))]
+
+
+def _store_ktx2(file: Glb, number: int, kinds: _Kinds, folder: Path) -> None:
+    """Store an image of a map as KTX2, if its sides allow that."""
+    found = _read(file, number, folder)
+    if found is None or any(side % basis_textures.MULTIPLE for side in found[0].shape[:2]):
+        return
+    texels = value_encoding.steps(found[0][::-1], 8)
+    how = {"is_color": kinds.is_color, "is_normal": kinds.is_normal, "quality": kinds.quality}
+    path = folder / f"a map{file_formats.KTX2.endings[0]}"
+    path.write_bytes(basis_textures.encoded(texels, **how))
+    _replace(file, number, path)
 
 
 def _differ(texels: np.ndarray) -> np.ndarray:

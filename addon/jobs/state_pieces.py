@@ -345,7 +345,7 @@ _READ = {
 """Settings that only choose what is read, which is hashed."""
 _BESIDE = {
     *("targets", "appearance", "limit", "mips", "low_suffix"),
-    *("material", "one_material", "single_user", "connect_maps", "export_webp"),
+    *("material", "one_material", "single_user", "connect_maps", "export_webp", "export_ktx2"),
 }
 """Settings of checks, and of what is done with the maps."""
 _SIZES = ("width", "height")

@@ -294,7 +294,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
                 rows.prop(layout, "mip_files")
         is_glb = rows["export"].lower().endswith(file_formats.MESHES[0])
         has_quality = file_format is not None and file_format.has_quality and rows["format"] != Format.AUTO
-        if has_quality or (is_glb and rows["export_webp"]):
+        if has_quality or (is_glb and (rows["export_webp"] or rows["export_ktx2"])):
             rows.prop(layout, "quality", "lossy_normals")
         rows.prop(layout, "material")
         row = layout.row()
@@ -304,7 +304,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         layout.prop(context.scene.imprint, "show_result")
         rows.prop(layout, "export")
         if is_glb:
-            rows.prop(layout, "export_webp")
+            rows.prop(layout, "export_webp", "export_ktx2")
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):

@@ -92,7 +92,8 @@ def test_renamed_is_not_changed():
 
 
 @pytest.mark.parametrize(
-    "value", [{"compression": "BC7"}, {"quality": 50}, {"lossy_normals": True}, {"export_webp": True}]
+    "value",
+    [{"compression": "BC7"}, {"quality": 50}, {"lossy_normals": True}, {"export_webp": True}, {"export_ktx2": True}],
 )
 def test_compressors_count_only_where_a_map_has_one(value):
     job, settings = pair(), Settings(**SAME)

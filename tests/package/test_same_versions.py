@@ -35,6 +35,7 @@ TESTS = (
     "tests/scene",
     "tests/output/test_materials.py",
     "tests/passes/test_block_encoding.py",
+    "tests/export/test_ktx2.py",
     "tests/ui/test_live.py",
     "tests/ui/test_live_maps.py",
 )

@@ -184,7 +184,7 @@ def test_commands_are_valid(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
 def test_named_options_exist(page):
-    named = {option for code in inline(page) for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
+    named = {option for code in inline(page) for option in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", code)}
     assert sorted(named - known_options()) == []
 
 

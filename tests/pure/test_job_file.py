@@ -112,6 +112,7 @@ SAID = {
     "quality": ("--quality 90", 90),
     "lossy_normals": ("--lossy-normals", True),
     "export_webp": ("--export a.glb --export-webp", True),
+    "export_ktx2": ("--export a.glb --export-ktx2", True),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
     "one_material": ("--one-material", True),

@@ -343,6 +343,11 @@ OUTPUT: dict[str, Setting] = {
         tooltip="Maps in an exported .glb are WebP, which its readers must know, in place of PNG. Quality and Lossy Normals "
         "hold for them, too",
     ),
+    "export_ktx2": Switch(
+        label="KTX2 Textures",
+        tooltip="Maps in an exported .glb are KTX2, in which GPUs keep them small, in place of PNG: UASTC, or ETC1S below "
+        "Quality 100. Blender 5.3 and later",
+    ),
     "single_user": Switch(
         label="Single User",
         tooltip="Copy materials that other objects use as well, so that those objects keep their look",
