@@ -21,10 +21,11 @@ export async function start(canvas) {
   const renderer = new THREE.WebGLRenderer({ canvas: canvas.canvas, context: canvas.gl });
   renderer.setSize(canvas.size, canvas.size, false);
   renderer.setClearColor(0, 0);
+  const blocks = new KTX2Loader().setTranscoderPath("/npm/three/examples/jsm/libs/basis/").detectSupport(renderer);
   return {
     async load(url, kind, map) {
-      const gltf = await new GLTFLoader().loadAsync(url);
-      const texture = map && (await textureAt(map, renderer));
+      const gltf = await new GLTFLoader().setKTX2Loader(blocks).loadAsync(url);
+      const texture = map && (await textureAt(map, blocks));
       const index = { value: 0 };
       const tangents = [];
       gltf.scene.traverse(({ geometry }) => geometry && tangents.push(geometry.attributes.tangent?.array ?? null));
@@ -63,15 +64,14 @@ export async function start(canvas) {
   };
 }
 
-async function textureAt(url, renderer) {
+async function textureAt(url, blocks) {
   let texture;
   if (url.endsWith(".f32")) {
     const data = new Float32Array(await (await fetch(url)).arrayBuffer());
     const size = Math.sqrt(data.length / 4);
     texture = new THREE.DataTexture(data, size, size, THREE.RGBAFormat, THREE.FloatType);
   } else if (url.endsWith(".ktx2")) {
-    const loader = new KTX2Loader().setTranscoderPath("/npm/three/examples/jsm/libs/basis/").detectSupport(renderer);
-    texture = await loader.loadAsync(url);
+    texture = await blocks.loadAsync(url);
   } else {
     texture = await new THREE.TextureLoader().loadAsync(url);
     texture.flipY = false;
