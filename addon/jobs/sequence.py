@@ -95,6 +95,8 @@ def _check_frames(settings: Settings, frames: Sequence[int]) -> None:
     """Raise BakeError for what cannot be a sequence."""
     if settings.storing.storage != Storage.FILE:
         raise BakeError("A sequence needs files: set Store to File.")
+    if settings.storing.has_open_ending:
+        raise BakeError("A sequence has files of one format: give the file an ending.")
     if not settings.map.normal:
         raise BakeError("A sequence shows the normal map: switch Normal Map on.")
     if settings.sampling.udim:

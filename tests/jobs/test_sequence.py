@@ -137,6 +137,7 @@ def test_other_maps_of_a_sequence_leave_no_image(job, tmp_path):
         ({"udim": True}, range(3)),
         ({}, range(-2, 3)),
         ({"name": "a_##_v2.exr"}, range(3)),
+        ({"name": "a_#", "format": "AUTO", "depth": 16}, range(1, 3)),
     ],
 )
 def test_settings_that_cannot_be_a_sequence(job, tmp_path, wrong, frames):
