@@ -10,14 +10,16 @@ dissolving keeps every screw hole.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from . import collapse, flips, hard_edges, polygons, quadrics, topology
 from .collapse import State
+from .notches import Notches, closing_costs, vertex_counts
 from .planes import ANGLES, LARGE, SOFT, Planes
 from .topology import EdgeTable
-from .triangles import checked, face_areas, face_normals, quality, unit
+from .triangles import checked, face_normals, quality, unit
 
 FIRST_COST, MOST_COST, FACTOR = 1e-10, 1e6, 2.0
 """The least and the most costs to which a mesh is collapsed, and the factor from each to the next, for a box whose longest side
@@ -33,6 +35,23 @@ seen."""
 FINER = 4.0, 64.0
 """By which factors the planes of what is closed are smaller than the square of its size: the second is for what is shallow, and
 for smooth groups as a whole, as the strips of a cylinder."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What goes first.
+
+    Attributes:
+        closing: A factor on what it costs to close holes and the like.
+        fade: The power of their size by which planes that are not large are less stiff. With 2, walls of teeth and fingers stay
+            while windows go; without an end, the other way round.
+    """
+
+    closing: float = 1.0
+    fade: float = 2.0
+
+
+USUAL = Costs()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +70,7 @@ class OnPlanes:
 
 
 def collapse_on_planes(
-    points: np.ndarray, triangles: np.ndarray, planes: Planes, wanted: int, closing: float = 1.0
+    points: np.ndarray, triangles: np.ndarray, planes: Planes, wanted: int, costs: Costs = USUAL
 ) -> OnPlanes:
     """A mesh of about `wanted` triangles, or of more where no edge can collapse.
 
@@ -64,17 +83,18 @@ def collapse_on_planes(
         triangles: (T, 3) int, with shared vertices, and areas above 0.
         planes: of the triangles.
         wanted: how many are left.
-        closing: a factor on what it costs to close something.
+        costs: what goes first.
     """
     points, triangles = checked(points, triangles)
     center, size = collapse.box(points)
-    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size)
+    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size, costs)
     cost = FIRST_COST
     state.run(wanted, cost)
     while len(state.triangles) > wanted and cost < MOST_COST:
         cost *= FACTOR
         for areas, factor, is_round in state.features:
-            state.close(wanted, cost / closing, areas < factor * np.sqrt(cost / closing), is_round=is_round)
+            state.close(wanted, cost / costs.closing, areas < factor * np.sqrt(cost / costs.closing), is_round=is_round)
+        state.fill(wanted, cost / costs.closing)
         state.flip()
         state.run(wanted, cost)
     if len(state.triangles) < len(triangles):
@@ -87,7 +107,7 @@ def without_needless(points: np.ndarray, triangles: np.ndarray, planes: Planes) 
     """The same surface with as few triangles as it takes, as `collapse_on_planes` has it: others go on from there."""
     points, triangles = checked(points, triangles)
     center, size = collapse.box(points)
-    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size)
+    state = _State((points.astype(np.float64) - center) / size, triangles.astype(np.int64), planes, size, USUAL)
     state.run(0, FIRST_COST)
     used, numbers = topology.numbered(state.triangles)
     return OnPlanes(state.points[used] * size + center, numbers, state.sources)
@@ -104,10 +124,10 @@ class _State(State):
 
     at_once = 1.0  # costs come in steps
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray, planes: Planes, size: float):
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, planes: Planes, size: float, costs: Costs):
         self._plane_of, self._normals, self._areas = planes.of, planes.normals, planes.areas / size**2
         shares = self._areas / self._areas.sum()
-        stiffness = STIFF * np.minimum(shares / LARGE, 1.0) ** 2
+        stiffness = STIFF * np.minimum(shares / LARGE, 1.0) ** costs.fade
         self._weights = self._areas * np.where(planes.is_round, 1.0, 1.0 + stiffness)
         self.sources = np.arange(len(triangles))
         self._group_of = hard_edges.smooth_groups(triangles, planes.normals[planes.of])
@@ -132,18 +152,30 @@ class _State(State):
         if not is_small.any() or is_small.all():
             return
         found = _Openings.of(self.points, self.triangles, is_small, self._group_of[self.sources], self._normals[of])
-        costs = found.costs()
-        order = np.flatnonzero(found.is_closable & (costs <= most) & (found.is_round | (not is_round)))
+        is_open = found.is_closable & (found.is_round | (not is_round))
+        self._close(found, is_open, wanted, most)
+
+    def fill(self, wanted: int, most: float) -> None:
+        """Fill notches, as `close` closes what lies within planes."""
+        of = self._plane_of[self.sources]
+        found = Notches.of(self.points, self.triangles, of, self._normals)
+        self._close(found, found.is_closable, wanted, most)
+
+    def _close(self, found: "_Openings | Notches", is_open: np.ndarray, wanted: int, most: float) -> None:
+        """is_open: (K,) bool, the parts that may be closed."""
+        costs, gains = found.costs(), found.gains()
+        order = np.flatnonzero(is_open & (costs <= most))
         order = order[np.argsort(costs[order], kind="stable")]
         left = len(self.triangles) - np.cumsum(2 * found.vertex_counts[order])
         order = order[: 1 + np.searchsorted(-left, -wanted)]
-        order = order[len(self.triangles) - np.cumsum(found.gains()[order]) >= LEAST_LEFT * wanted]
+        order = order[len(self.triangles) - np.cumsum(gains[order]) >= LEAST_LEFT * wanted]
         if not len(order):
             return
         is_closed = np.zeros(len(found.is_closable), bool)
         is_closed[order] = True
-        caps, beside = found.caps(is_closed)
-        stays = ~(is_small & is_closed[found.labels])
+        is_closed = found.apart(is_closed)
+        caps, beside = found.caps_of(is_closed)
+        stays = ~((found.labels >= 0) & is_closed[found.labels])
         around = np.unique(caps)
         self.triangles = np.concatenate([self.triangles[stays], caps])
         self.sources = np.concatenate([self.sources[stays], self.sources[beside]])
@@ -277,12 +309,10 @@ class _Openings:
             points, triangles, is_small, labels, table, sides, loops, of_loop, normals, ups, is_round, is_closable
         )
 
-    @property
+    @cached_property
     def vertex_counts(self) -> np.ndarray:
         """How many vertices (K,) each part has."""
-        small = np.flatnonzero(self.is_small)
-        pairs = np.unique(self.labels[small, None] * len(self.points) + self.triangles[small])
-        return np.bincount(pairs // len(self.points), minlength=len(self.is_closable))
+        return vertex_counts(self.triangles[self.is_small], self.labels[self.is_small], len(self.is_closable))
 
     def gains(self) -> np.ndarray:
         """How many triangles (K,) fewer there are at once if a part is closed."""
@@ -291,18 +321,20 @@ class _Openings:
         return np.bincount(self.labels[self.is_small], minlength=count) - caps
 
     def costs(self) -> np.ndarray:
-        """What it costs (K,) to close each part, for each vertex that goes: its area, by the square of its least radius."""
-        small, count = np.flatnonzero(self.is_small), len(self.is_closable)
-        labels, corners = self.labels[small], self.points[self.triangles[small]]
-        areas = face_areas(corners)
-        total = np.maximum(np.bincount(labels, areas, count), 1e-300)
-        middles = topology.sums_of(labels, corners.mean(axis=1) * areas[:, None], count) / total[:, None]
-        away = corners - middles[labels][:, None]
-        spread = topology.sums_of(labels, np.einsum("tki,tkj,t->tij", away, away, areas / 3.0).reshape(-1, 9), count)
-        least = np.linalg.eigvalsh((spread / total[:, None]).reshape(-1, 3, 3))[:, 0]
-        return 2.0 * total * np.maximum(least, 0.0) / np.maximum(self.vertex_counts, 1)
+        """As `closing_costs` has them. What goes through the surface counts by its width, however thin walls are."""
+        count = len(self.is_closable)
+        axes = topology.sums_of(self.of_loop, (self.ups[:, :, None] * self.ups[:, None]).reshape(-1, 9), count)
+        axes = np.linalg.eigh(axes.reshape(-1, 3, 3))[1][:, :, 2]
+        axes *= (np.bincount(self.of_loop, minlength=count) > 1)[:, None]
+        small = self.triangles[self.is_small]
+        return closing_costs(self.points, small, self.labels[self.is_small], self.vertex_counts, axes)
 
-    def caps(self, is_closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @staticmethod
+    def apart(is_closed: np.ndarray) -> np.ndarray:
+        """`is_closed` (K,) bool: none lies beside others."""
+        return is_closed
+
+    def caps_of(self, is_closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangles (C, 3) in the loops of closed parts (K,) bool, and the triangle (C,) int beside their loop whose plane each
         one continues best."""
         chosen = np.flatnonzero(is_closed[self.of_loop[self.loops]])

@@ -17,6 +17,8 @@ from addon.jobs import asset
 from addon.jobs.job import Job
 from addon.jobs.simplify import plane_meshes
 from addon.mesh.fitting import surface_samples
+from addon.mesh.plane_collapse import Costs, collapse_on_planes
+from addon.mesh.planes import planes
 from addon.mesh.welding import weld
 from addon.scene import mesh_reader
 from tests.support import cad_parts, quick_assets, zoo
@@ -65,7 +67,7 @@ def sources_of(obj):
 
 def test_what_is_round_is_no_hard_surface():
     assert not sources_of(zoo.ball("ball", 32)) and not sources_of(zoo.terrain("hills", 32))
-    assert [each.closing for each in sources_of(cad_parts.rounded_box())] == list(plane_meshes.CLOSING)
+    assert [each.costs for each in sources_of(cad_parts.rounded_box())] == list(plane_meshes.COSTS)
 
 
 def test_low_meshes_have_hard_edges_where_planes_meet():
@@ -119,3 +121,25 @@ def cost_of(mesh, wanted):
 @pytest.mark.parametrize(("triangles", "cost"), [(50, 1.0), (102, 1.0), (204, 2.0)])
 def test_more_triangles_than_were_wanted_cost(triangles, cost):
     assert cost_of(SimpleNamespace(triangles=triangles, is_folded=False), 100) == pytest.approx(cost)
+
+
+@pytest.mark.parametrize(("fade", "corners"), [(2.0, 0), (np.inf, 8)])
+def test_small_walls_that_are_stiff_take_the_triangles_of_windows(fade, corners):
+    """Of a disk with teeth, whose walls are 0.1 % of it each, and a window: with few triangles, either stays."""
+    disk = cad_parts.extruded([cad_parts.gear_outline(30, 40, 4), cad_parts.rectangle(-12, -6, 24, 12)[::-1]], 0, 3)
+    points, triangles = weld(*cad_parts.arrays(disk))
+    made = collapse_on_planes(points, triangles, planes(points, triangles), 160, Costs(fade=fade))
+    assert len(made.triangles) == 160
+    assert np.count_nonzero(np.linalg.norm(made.points[:, :2], axis=1) < 14.0) == corners
+
+
+@pytest.mark.slow
+def test_fins_that_are_too_many_keep_their_planes():
+    """Of a heat sink with a tenth of its triangles, which are fewer than its fins take. All that stays lies in their planes."""
+    sink = cad_parts.heat_sink()
+    points, triangles = weld(*cad_parts.arrays(sink))
+    (low,) = sources_of(sink)[0].make(len(triangles) // 10)
+    faces = np.array([face.normal for face in low.data.polygons])
+    areas = np.array([face.area for face in low.data.polygons])
+    is_along = np.abs(faces).max(axis=1) > 0.99999
+    assert areas[~is_along].sum() < 0.05 * areas.sum()  # of the screw holes

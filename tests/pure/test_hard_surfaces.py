@@ -6,7 +6,7 @@ import pytest
 
 from addon.mesh import flips, hard_edges, polygons
 from addon.mesh.fitting import FitOptions, fit, surface_samples
-from addon.mesh.plane_collapse import collapse_on_planes, without_needless
+from addon.mesh.plane_collapse import Costs, collapse_on_planes, without_needless
 from addon.mesh.planes import planes
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import enclosed_volumes, face_areas, face_normals, unit_normals
@@ -370,8 +370,8 @@ def test_no_more_is_closed_than_the_number_of_triangles_asks():
 
 
 def test_what_is_dear_to_close_stays():
-    open_still = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e4)
-    closed = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, 1e-4)
+    open_still = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, Costs(closing=1e4))
+    closed = collapse_on_planes(*plate_with_hole(0.3), planes(*plate_with_hole(0.3)), 30, Costs(closing=1e-4))
     assert len(open_still.triangles) > 12 and len(closed.triangles) <= 30
     assert volume(closed.points, closed.triangles) == pytest.approx(0.8, rel=1e-6)
     assert volume(open_still.points, open_still.triangles) < 0.79

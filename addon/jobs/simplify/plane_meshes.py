@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes low meshes of hard surfaces: planes and straight edges stay, and edges are hard where those of the surface are."""
 
+import math
 from dataclasses import dataclass, replace
 
 import bpy
@@ -10,7 +11,7 @@ from ...core.progress import Timings
 from ...core.simplify import Candidate
 from ...mesh import fitting, hard_edges, planes, welding
 from ...mesh.fitting import FitOptions, Samples
-from ...mesh.plane_collapse import OnPlanes, collapse_on_planes, without_needless
+from ...mesh.plane_collapse import Costs, OnPlanes, collapse_on_planes, without_needless
 from ...mesh.planes import Planes
 from ...mesh.topology import EdgeTable, edge_keys
 from ...mesh.triangles import face_normals
@@ -19,8 +20,14 @@ from .low_meshes import LowMesh
 
 LEAST_SHARE = 0.3
 """The share of the area in large planes from which a surface counts as hard."""
-CLOSING = 1.0, 8.0, 0.125
-"""The factors on what it costs to close holes and the like: all are tried, and what a viewer sees decides."""
+COSTS = (
+    Costs(),
+    Costs(closing=8.0),
+    Costs(closing=0.125),
+    Costs(fade=math.inf),
+    Costs(closing=8.0, fade=math.inf),
+)
+"""What goes first: all are tried, and what a viewer sees decides."""
 MOST_BAD_EDGES = 0.01
 """The share of edges with more than two triangles, or with two that point to different sides, from which a surface is taken for
 a triangle soup."""
@@ -43,7 +50,7 @@ class PlaneSource:
         samples: As DecimationSource has them.
         timings: As DecimationSource has them.
         bias: As DecimationSource has it.
-        closing: One of CLOSING.
+        costs: One of COSTS.
     """
 
     whole: tuple[OnPlanes, OnPlanes]
@@ -52,7 +59,7 @@ class PlaneSource:
     samples: Samples
     timings: Timings
     bias: float
-    closing: float
+    costs: Costs
     is_remeshed = False
     is_collapsed = False
     left_out = 0
@@ -68,7 +75,7 @@ class PlaneSource:
         with self.timings.timed("decimate"):
             start = self.whole[triangles < len(self.whole[1].triangles)]
             its_planes = replace(self.planes, of=self.planes.of[start.of])
-            coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.closing)
+            coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.costs)
             source = start.of[coarse.of]
             of = self.planes.of[source]
             points, nearest = self._fitted(coarse, of)
@@ -77,7 +84,7 @@ class PlaneSource:
         return [LowMesh(data, self, nearest, is_folded(points, coarse.triangles, self.planes.normals[of]))]
 
     def corrected(self, _: Candidate) -> None:
-        """Nothing is spared: each of CLOSING is tried from the start."""
+        """Nothing is spared: each of COSTS is tried from the start."""
 
     def _fitted(self, coarse: OnPlanes, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points (P, 3) of a coarse mesh as fitting.fit moves them, and the triangle (N,) of each sample. Where triangles
@@ -103,7 +110,7 @@ def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) ->
 def sources_of(
     points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, bias: float
 ) -> list[PlaneSource]:
-    """A surface as a source for each of CLOSING; none if it is not hard, or too many edges are bad, also of solids that touch,
+    """A surface as a source for each of COSTS; none if it is not hard, or too many edges are bad, also of solids that touch,
     one by one.
 
     points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface.
@@ -119,7 +126,7 @@ def sources_of(
     groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
     whole = OnPlanes(points, triangles, np.arange(len(triangles)))
     both = whole, without_needless(points, triangles, found)
-    return [PlaneSource(both, found, groups, samples, timings, bias, closing) for closing in CLOSING]
+    return [PlaneSource(both, found, groups, samples, timings, bias, costs) for costs in COSTS]
 
 
 def shade(data: bpy.types.Mesh, shading: hard_edges.Shading) -> None:
