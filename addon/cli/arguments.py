@@ -399,8 +399,12 @@ def read_asset(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
         wanted = asset_limits.Wanted.of_texts(*texts, mending=mending, **ways)
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
-    if own.keep and own.triangles:
-        raise WrongUsage("--keep keeps all triangles: leave out --triangles")
+    if own.keep:
+        of_making = {"--quads": own.quads, "--crumbs, --holes and --symmetry": mending != asset_limits.USUAL_MENDING}
+        unused = ["--triangles"] * bool(own.triangles)
+        unused += [name for name, is_given in of_making.items() if is_given and not wanted.own_levels]
+        if unused:
+            raise WrongUsage(f"--keep keeps all triangles: leave out {', '.join(unused)}")
     size = ["--size", own.size] if own.size and not wanted.finds_size else []
     options = _of_bake(ASSET, [*rest, *size], program)
     options.asset = wanted
@@ -418,4 +422,11 @@ def read_check(words: Sequence[str], program: str) -> tuple[RunOptions, argparse
     """The options of the run, and of the bake to look at, which need no output. Raises WrongUsage."""
     options = _of_bake(CHECK, words, program)
     options.output = options.output or f"{naming.LOW}.png"
+    if not (
+        options.low or options.low_file or options.pairs or options.cage or options.cage_file or takes_all(options)
+    ):
+        if options.high_file and not options.file:  # their meshes are all high
+            options.file, options.high_file, options.high_up = options.high_file, [], None
+        if options.file:
+            options.asset = asset_limits.Wanted(is_count_given=False)  # the look is at high meshes alone
     return check(options), options

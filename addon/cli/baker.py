@@ -17,7 +17,7 @@ import numpy as np
 
 from .. import older_blender
 from ..core import file_formats, levels, naming, progress, udim
-from ..core.errors import BakeError, Incomplete, WrongPlace
+from ..core.errors import BakeError, Incomplete, WrongPlace, shorten_list
 from ..core.levels import ChainReport
 from ..core.naming import printable
 from ..core.progress import Pace, Task, startup
@@ -187,7 +187,7 @@ class Baker:
             jobs, problems = scene_jobs.opened(options, loader)
             if not plan.chain and loader.reopen_if_changed(high.name for job in jobs for high in job.highs):
                 jobs, problems = scene_jobs.opened(options, loader)  # a bake does not depend on those before it
-            smooth_files = loader.smooth(jobs, options.smooth_files)
+            smooth_files = loader.smooth(jobs, options.smooth_files, scene_jobs.made(options, jobs))
         # In a chain, a bake may read the maps of those before it.
         read = files_read_by([*jobs, *scene_jobs.of_rivals(plan)], has_maps=not plan.chain)
         self._files.opened(plan.name, options, _lows(options, jobs), [*scene_files.used(options), *read])
@@ -278,7 +278,7 @@ class Baker:
                 reports=values,
                 chain=chain.to_dict() if chain else {},
                 problems=problems,
-                warnings=[text for text in warnings if text not in printed],
+                warnings=[text for text in warnings if text not in (*printed, *over)],
                 summary=[*packed, *_summary(reports, chain, _kind(options))],
                 image=_image(reports),
             )
@@ -382,12 +382,21 @@ def look_at(options: argparse.Namespace) -> int:
     start_gpu()
     loader = SceneLoader()
     jobs, problems = scene_jobs.opened(options, loader)
-    settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files)
+    scene_jobs.check_named(options)
+    has_none = arguments.takes_all(options)  # no object is named
+    alone = [job for job in jobs if options.asset or (has_none and object_checks.lacks_uvs(job.low))]
+    settings, smooth = arguments.settings(options), loader.smooth(jobs, options.smooth_files, alone)
     for job in jobs:
-        look = pair_checks.look_at_high(bpy.context, job, settings)
-        lines = look.lines(lengths_of(bpy.context.scene))
+        names = shorten_list(high.name for high in job.highs)
+        if job in alone:
+            from ..jobs.simplify import high_surface  # here, since a bake does not need it
+
+            title, lines = f"{names}, for an asset:", high_surface.look(bpy.context, job, settings)
+        else:
+            title = f"{names}, baked onto {'itself' if job.highs == [job.low] else job.low.name}:"
+            lines = pair_checks.look_at_high(bpy.context, job, settings).lines(lengths_of(bpy.context.scene))
         lines += smooth_sentences({high.name: smooth[high.name] for high in job.highs if high.name in smooth})
-        print("\n".join(map(printable, (f"{job.low.name}:", *(f"  {line}" for line in lines)))))
+        print("\n".join(map(printable, (title, *(f"  {line}" for line in lines)))))
     for problem in problems:
         print(printable(problem), file=sys.stderr)
     return run_report.DONE

@@ -163,7 +163,7 @@ LOD = Command(
 )
 ASSET = Command(
     "asset",
-    "Make a game asset of high meshes: a low mesh with a UV map, all maps, and a file for an engine.",
+    "Make a game asset of high meshes: a low mesh with a UV map, its maps, and a file for an engine.",
     {
         "": {
             "triangles": CommandOption(

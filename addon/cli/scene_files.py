@@ -3,7 +3,7 @@
 
 import argparse
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -93,12 +93,13 @@ class SceneLoader:
         self._shown = None
         self._without_normals = set()
 
-    def smooth(self, jobs: Sequence[Job], degrees: int) -> dict[str, int]:
+    def smooth(self, jobs: Sequence[Job], degrees: int, made: Collection[Job] = ()) -> dict[str, int]:
         """Shade high objects of files that do not say how they are shaded, as Report.smooth_files has it, which is returned.
 
-        Low objects stay flat, as engines show them.
+        Low objects stay flat, as engines show them. made: the jobs whose low object stands for one that is still to be made.
         """
-        lows = {job.low.data.session_uid for job in jobs if job.low.data is not None}  # a check names others
+        there = [job.low.data for job in jobs if job not in made]
+        lows = {data.session_uid for data in there if data is not None}  # a check names others
         highs = dict.fromkeys(high for job in jobs for high in job.highs if high.type == "MESH")
         unshaded = [high for high in highs if high.data.session_uid in self._without_normals - lows]
         for data in bpy.data.meshes:

@@ -4,10 +4,12 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from pathlib import PurePath
 
 import bpy
 
 from ..core import asset_limits, naming
+from ..core.asset_limits import USUAL_MENDING
 from ..core.errors import BakeError, shorten_list
 from ..core.naming import Suffixes
 from ..jobs.job import Job, jobs_by_name
@@ -18,6 +20,9 @@ from ..scene.object_checks import object_by_name
 from .arguments import takes_all
 from .plans import Plan
 from .scene_files import SceneLoader
+
+MOST_NAMED = 50
+"""Meshes that a message names."""
 
 
 def opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job], list[str]]:
@@ -45,6 +50,22 @@ def _opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job]
     return _of_scene(options)
 
 
+def made(options: argparse.Namespace, jobs: Sequence[Job]) -> list[Job]:
+    """The jobs of an asset whose low object is still to be made: one of the high objects stands for it."""
+    is_made = options.asset is not None and not options.asset.keeps
+    return [job for job in jobs if is_made and job.low in job.highs]
+
+
+def check_named(options: argparse.Namespace) -> None:
+    """Raise BakeError, with the meshes there are, if a look at a .blend names none of them."""
+    if options.asset and not options.high and any(".blend" in PurePath(name).suffix for name in options.file):
+        names = sorted(obj.name for obj in bpy.context.view_layer.objects if obj.type == "MESH")
+        raise BakeError(
+            "Name the low mesh with --low, or high meshes alone with --high. Meshes of the file: "
+            f"{shorten_list(map(repr, names), MOST_NAMED) or 'none'}."
+        )
+
+
 def of_rivals(plan: Plan) -> Iterator[Job]:
     """The jobs of the plan's rivals that the open scene has."""
     for options in plan.rivals:
@@ -58,9 +79,13 @@ def _of_scene(options: argparse.Namespace) -> tuple[list[Job], list[str]]:
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
     if takes_all(options):
-        return [
-            Job(low, [low]) for low in bpy.context.view_layer.objects if low.type == "MESH" and low.data.polygons
-        ], []
+        lows = [obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and obj.data.polygons]
+        pairs = naming.match([low.name for low in lows], options.suffixes)[0]
+        return [Job(low, [low]) for low in lows], [
+            f"{pair.low!r} and {shorten_list(map(repr, pair.highs))} are each baked onto itself: --low {pair.low!r} bakes the "
+            "first from the others, as their names say."
+            for pair in pairs
+        ]
     if options.part:
         return _of_parts(options)
     lows, highs = (list(map(object_by_name, names)) for names in (options.low, options.high))
@@ -135,14 +160,20 @@ def _of_asset(options: argparse.Namespace) -> Job:
 
 
 def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
-    """That a low object is there already, in a sentence, if a number of triangles was asked for that it does not have."""
+    """That a low object is there already, in a sentence, if only its name says so, or if options count for new ones alone."""
     wanted = options.asset
-    if job.low in job.highs or options.low or wanted.keeps or not wanted.is_count_given or job.low.type != "MESH":
+    if job.low in job.highs or wanted.keeps or job.low.type != "MESH":
         return []
     count = count_triangles(job.low.data)
-    if count == wanted.triangles:
+    is_other = count != wanted.triangles if wanted.has_count else count > wanted.triangles > 0
+    is_other &= wanted.is_count_given
+    of_making = {"--quads": wanted.quads, "--crumbs, --holes and --symmetry": wanted.mending != USUAL_MENDING}
+    unused = [] if wanted.own_levels else [name for name, is_given in of_making.items() if is_given]
+    if options.low and not (is_other or unused):
         return []
-    return [
-        f"{job.low.name!r} is there already and has {count:,} triangles, not {wanted.triangles:,}: it was baked as it is. "
-        "Rename or remove it to have a low mesh made."
-    ]
+    why, cure = (
+        ("named as the low mesh", "Leave out --low") if options.low else ("there already", "Rename or remove it")
+    )
+    text = f"{job.low.name!r} is {why} and has {count:,} triangles{f', not {wanted.triangles:,}' if is_other else ''}: it is "
+    text += f"baked as it is. {cure} to have a low mesh made."
+    return [f"{text} {' and '.join(unused)} changed nothing." if unused else text]

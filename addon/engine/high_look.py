@@ -47,7 +47,7 @@ class HighLook:
     def lines(self, length: Length = plain_length) -> list[str]:
         """Lines for the user. length: a length in scene units as text."""
         mended = self.mended
-        lines = [f"{self.triangles:,} triangles in {self.parts:,} connected parts, {self.closed:,} of them closed"]
+        lines = [counts(self.triangles, self.parts, self.closed)]
         if mended.get("turned"):
             share = mended["turned"] / max(1, mended["of"])
             lines.append(
@@ -56,6 +56,8 @@ class HighLook:
             lines += [part.sentence for part in self.largest]
         else:
             lines.append("No face will be turned over")
+        if self.closed < self.parts:
+            lines.append("Parts that are not closed have holes or borders: texels of the low mesh over a hole miss")
         if mended.get("hidden") or mended.get("twice"):
             lines.append(
                 f"{mended['hidden']:,} triangles behind the surface and {mended['twice']:,} in the place of others will be "
@@ -68,6 +70,11 @@ class HighLook:
             f"{length(most)} (99th percentile)"
         )
         return [*lines, *self.notes]
+
+
+def counts(triangles: int, parts: int, closed: int) -> str:
+    """A line with how many triangles and connected parts there are, and how many of these have no open edge."""
+    return f"{triangles:,} triangles in {parts:,} connected parts, {closed:,} of them closed"
 
 
 def look(meshes: Meshes, settings: Settings) -> HighLook:

@@ -577,15 +577,19 @@ def _missed(report: Report, low: Low, distance: float) -> list[str]:
     """A sentence for each limit that a finished low mesh does not keep."""
     sentences, limit = [], low.wanted
     most, count = report.appearance.get("percentile_99", 0.0), report.triangles["low"]
+    more = " or more triangles" if low.how.is_made else ""
+    other = (
+        "" if low.how.is_made or limit.keeps else " The low mesh that was there is kept: give one with more triangles."
+    )
     if most > limit.degrees:
         sentences.append(
             f"The shading error of {report.low!r} is {most:.2f} degrees on 99 % of the pixels, and not {limit.degrees:g}: "
-            "allow more degrees or more triangles, or set a larger map."
+            f"allow more degrees{more}, or set a larger map.{other}"
         )
     if distance > limit.distance:
         sentences.append(
             f"{report.low!r} is {distance:.2%} of the size away from the high mesh, and not {limit.distance:.2%}: allow more "
-            "distance or more triangles."
+            f"distance{more}.{other}"
         )
     if low.how.is_made and limit.has_missed(count):
         why = "the high mesh allows no others."

@@ -155,6 +155,7 @@ def scene_apart() -> Iterator[None]:
                 scene.collection.objects.link(obj)
             for collection in apart.collection.children:
                 scene.collection.children.link(collection)
+            layer.update()  # else it lacks them
         finally:
             if window is not None and window.scene != scene:
                 window.scene, window.view_layer = scene, layer

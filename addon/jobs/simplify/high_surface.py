@@ -19,7 +19,7 @@ from ...core.errors import BakeError
 from ...core.progress import Progress, Task, Timings, aside
 from ...core.settings import Settings
 from ...core.simplify import Candidate
-from ...engine import hidden_faces
+from ...engine import hidden_faces, high_look
 from ...mesh import mirrors, orientation, small_parts, topology
 from ...mesh.closest import Surface
 from ...mesh.closing import Closing
@@ -191,6 +191,30 @@ def read(
     )
 
 
+def look(context: bpy.types.Context, job: Job, settings: Settings, mending: Mending = USUAL_MENDING) -> list[str]:
+    """What the high objects of a job are, and what an asset will change of them, in lines. Raises BakeError."""
+    context.view_layer.update()  # a script may have moved them
+    points, triangles = _triangles(context, job, settings)
+    count, name = len(triangles), job.highs[0].name
+    points = (points - np.array(job.highs[0].matrix_world.translation)).astype(np.float32)
+    mended = _mended(points, triangles, mending, name)
+    joined, welded = weld(*_read_at_most(points, triangles))
+    labels, parts = topology.components(tuple(welded.T), len(joined))
+    alone = EdgeTable.of(welded).alone
+    closed = parts - len(np.unique(labels[alone // 3]))
+    lines = [high_look.counts(count, parts, closed)]
+    turned = mended.turned / max(1, len(welded))
+    lines.append(f"{turned:.1%} of the faces will be turned over" if mended.turned else "No face will be turned over")
+    if len(alone):
+        lines.append(
+            f"Open edges: {len(alone):,}. {mended.holes.mended:,} small holes will be filled, {mended.holes.stay:,} stay. "
+            "What stays open is open in the low mesh, too, and does no harm"
+        )
+    if mended.crumbs.mended or mended.crumbs.stay:
+        lines.append(f"{mended.crumbs.mended:,} small parts will be left out, {mended.crumbs.stay:,} stay")
+    return lines
+
+
 def _reading(done: float) -> Progress:
     return Progress("Reading the high objects", done)
 
@@ -207,6 +231,8 @@ class _Mended:
     crumbs: Small
     holes: Small
     closing: Closing | None
+    turned: int = 0
+    """The triangles that were turned over."""
 
 
 def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: str) -> _Mended:
@@ -219,8 +245,10 @@ def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: s
         raise BakeError(f"{name!r} has a vertex {farthest:.3g} units away: remove what is far from the rest.")
     is_crumb, crumbs = small_parts.is_crumb(points, triangles, mending.crumbs)
     triangles = triangles[~is_crumb]
+    turned = 0
     if EdgeTable.of(triangles).is_against.any():
-        triangles = _to_one_side(points, triangles)
+        as_read, triangles = triangles, _to_one_side(points, triangles)
+        turned = int(np.count_nonzero((as_read != triangles).any(axis=1)))
     before = len(triangles)
     points, triangles, holes = small_parts.filled(points, triangles, mending.holes)
     closing = Closing.of(points, triangles, before) if len(triangles) > before else None
@@ -228,7 +256,7 @@ def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: s
     samples = surface_samples(points, triangles, SAMPLES)
     if not len(samples.points):
         raise BakeError(f"{name!r} is too small for its normals: scale the mesh itself up.")
-    return _Mended(points, triangles, samples, EdgeTable.of(triangles).bad_edge_share, crumbs, holes, closing)
+    return _Mended(points, triangles, samples, EdgeTable.of(triangles).bad_edge_share, crumbs, holes, closing, turned)
 
 
 def _sources(
