@@ -262,6 +262,16 @@ def engine_warnings(results: Mapping[str, Mapping[str, Any]]) -> list[Sentence]:
     return [Sentence(text, LOOK, severity.REBUILT)]
 
 
+def other_greens(names: Iterable[str], green: str) -> list[str]:
+    """A sentence for each of these programs that reads another green than the map stores."""
+    engines = [targets.BY_NAME[name] for name in names]
+    return [
+        f"{engine.label} reads green as {engine.green}, and this map has {green}: set green to {engine.green.lower()}."
+        for engine in engines
+        if engine.green != green
+    ]
+
+
 DROPPED = 11
 """The last bits of an angle in single precision that its bin leaves out. Percentiles are within 0.02 % of angles, small ones
 too."""

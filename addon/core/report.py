@@ -197,6 +197,9 @@ class Report:
     in a bake from the window, and in all but the first report of pairs and frames."""
     warnings: list[str] = _of("all_warnings", default_factory=list)
     """Sentences, the worst first."""
+    notes: list[str] = _of("notes_of_targets", default_factory=list)
+    """A sentence for each program of `targets` that reads another green than the map stores, and so shows something else. Its
+    degrees are those of the map with the green that it reads."""
     ratings: dict[str, list[str]] = field(default_factory=dict)
     """Of each warning, how much harm it tells of ("WRONG": the bake is wrong; "LOOK": it may be; "NOTE": it is not), and the
     check or the kind that it is about, or an empty string."""

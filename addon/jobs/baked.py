@@ -114,6 +114,10 @@ class Baked:
         return gpu.platform.renderer_get()
 
     @property
+    def notes_of_targets(self) -> list[str]:
+        return deviations.other_greens(self.findings.targets, self.settings.map.green)
+
+    @property
     def all_warnings(self) -> list[Sentence]:
         """The sentences that no other explains, the worst first."""
         meshes, map_settings = self.meshes, self.settings.map

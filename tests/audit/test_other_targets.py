@@ -130,6 +130,7 @@ def test_the_summary_has_a_line_for_each_program():
     lines = [line for line in report.summary() if " is off by " in line]
     assert [line.split(" is off by ")[0] for line in lines] == ["Unreal Engine", "Blender Cycles"]
     assert [line.endswith("; it reads green as -Y") for line in lines] == [True, False]
+    assert report.to_dict()["notes"] == ["Unreal Engine reads green as -Y, and this map has +Y: set green to -y."]
 
 
 @pytest.mark.parametrize("values", [{"space": "OBJECT"}, {"normal": False, "maps": ("AO",)}, {"targets": ()}], ids=str)
