@@ -4,18 +4,20 @@
 Paths stay below one folder, and what a client gives wrong is answered by a sentence.
 """
 
+import difflib
 import json
 import os
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.declarations import targets
+from ..core.errors import UNWRAP_FIRST
 from ..core.file_formats import OPENED
 from ..core.naming import did_you_mean, printable
-from . import interruption, untrusted, worker_process
+from . import interruption, standard_streams, untrusted, worker_process
 from .commands import ASSET
 from .options import OPTIONS
 
@@ -27,6 +29,8 @@ MOST_WORDS = 20_000
 """Characters of an answer: agents read all of it."""
 LARGEST_PICTURE = 4 << 20
 """Bytes of a PNG file that is shown."""
+NEAR = 5
+"""Settings that are named in place of one that is not there."""
 LARGEST_NUMBER = 1 << 53
 """Of a number that is given, without its sign."""
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -77,10 +81,10 @@ class Place:
 
     def path(self, name: str, title: str, *, is_written: bool = False) -> str:
         """The absolute path of what a client names. Raises Refused for one that is elsewhere, after its links."""
-        folder = self.outputs if is_written else self.root
+        folder, does = (self.outputs, "writes into") if is_written else (self.root, "works in")
         path = os.path.realpath(os.path.join(self.root, name))
         if path == folder or not untrusted.is_below(path, folder):
-            raise Refused(f"{title}: {name!r} is not in {folder!r}, the folder that this server works in.")
+            raise Refused(f"{title}: {name!r} is not in {folder!r}, the folder that this server {does}.")
         return path
 
     def read(self, name: str, title: str) -> str:
@@ -201,11 +205,16 @@ def _setting_words(options: Mapping[str, Any], known: Sequence[str]) -> list[str
     for name, value in options.items():
         key = str(name).strip("-").replace("_", "-")
         if key not in known:
-            similar = did_you_mean([key], known)
-            raise Refused(f"options: there is no setting {_shown(name)} here{similar or '.'}")
+            similar, near = did_you_mean([key], known), difflib.get_close_matches(key, known, NEAR, cutoff=0.0)
+            hint = similar or f". Nearest are {', '.join(near)}."
+            raise Refused(f"options: there is no setting {_shown(name)} here{hint}")
         values = value if isinstance(value, list) else [value]
         if value is None or value is False:
             continue
+        option = _OPTIONS[key]
+        if value is True and not option.may_be_flag:
+            values = option.parsing.get("metavar") or "as its help says"
+            raise Refused(f"options: {key} needs a value, {values}. {option.tooltip}.")
         if value is True:
             words.append(f"--{key}")
             continue
@@ -227,6 +236,7 @@ SETTINGS = tuple(
     if not option.is_path and name not in {*_NOT_SETTINGS, *(each for each in OPTIONS["convert map"])}
 )
 """The settings that the tools take, as options of the command line without dashes."""
+_OPTIONS = {name: option for group in OPTIONS.values() for name, option in group.items()} | ASSET.options
 OF_ASSETS = (*SETTINGS, *(name for name in ASSET.options if name not in SETTINGS))
 
 
@@ -250,15 +260,15 @@ def _run(place: Place, words: Sequence[str]) -> tuple[int, str, str]:
         ) from None
     except OSError as error:
         raise Refused(f"Imprint cannot be started: {error.strerror}.") from error
-    said, told = (text.decode(errors="replace").strip() for text in (done.stdout, done.stderr))
-    told = "\n".join(line for line in told.splitlines() if not line.startswith("EGL Error"))  # harmless
+    said, told = (standard_streams.without_egl(text.decode(errors="replace")) for text in (done.stdout, done.stderr))
     if done.returncode < 0:
         told = f"{told}\nBlender crashed with signal {-done.returncode}.".strip()
     return done.returncode, said, told
 
 
-def _inputs(place: Place, given: Mapping[str, Any], *, needs_low: bool = True) -> list[str]:
-    """The files, and the objects in them, as words. needs_low: whether a .blend needs the name of a low mesh."""
+def _inputs(place: Place, given: Mapping[str, Any], *, needs_low: bool = False) -> list[str]:
+    """The files, and the objects in them, as words. needs_low: whether a .blend needs the name of a low mesh. Raises Refused,
+    with the names there are."""
     words = []
     for title, option in (("files", ""), ("low_file", "--low-file="), ("high_files", "--high-file=")):
         names = given.get(title, [])
@@ -271,9 +281,8 @@ def _inputs(place: Place, given: Mapping[str, Any], *, needs_low: bool = True) -
         raise Refused("No file is named: give files, or low_file and high_files.")
     scenes = [name for name in given.get("files", ()) if ".blend" in Path(name).suffix.lower()]
     if needs_low and scenes and not given.get("low"):
-        raise Refused(
-            f"low is missing: name the low mesh of {scenes[0]!r}; a wrong name is answered with those it has."
-        )
+        _, _, told = _run(place, ["check", *words, *place.sandbox()])
+        raise Refused(f"low is missing in {scenes[0]!r}. {told.partition('imprint check: ')[2] or told}")
     named = [f"--low={given['low']}"] if given.get("low") else []
     return [*words, *named, *(f"--high={name}" for name in given.get("high", ()))]
 
@@ -281,20 +290,20 @@ def _inputs(place: Place, given: Mapping[str, Any], *, needs_low: bool = True) -
 def _check(place: Place, given: dict[str, Any]) -> Answer:
     words = [*_inputs(place, given), *_setting_words(given.get("options", {}), SETTINGS)]
     code, said, told = _run(place, ["check", *words, *place.sandbox()])
-    return Answer(_cut("\n".join(filter(None, (said, told)))) or "Nothing was found.", is_error=code != 0)
+    return Answer(_cut(_cured("\n".join(filter(None, (said, told))))) or "Nothing was found.", is_error=code != 0)
 
 
 def _bake(place: Place, given: dict[str, Any]) -> Answer:
     output = place.path(given["output"], "output", is_written=True)
     words = [f"--output={output}", *_maps(given), *_setting_words(given.get("options", {}), SETTINGS)]
-    return _baked(place, [*_inputs(place, given), *words], output)
+    return _baked(place, [*_inputs(place, given, needs_low=True), *words], output)
 
 
 def _asset(place: Place, given: dict[str, Any]) -> Answer:
     export = place.path(given["export"], "export", is_written=True)
     limits = [f"--{name}={given[name]}" for name in ("triangles", "degrees") if name in given]
     words = [f"--export={export}", *limits, *_maps(given), *_setting_words(given.get("options", {}), OF_ASSETS)]
-    return _baked(place, ["asset", *_inputs(place, given, needs_low=False), *words], export)
+    return _baked(place, ["asset", *_inputs(place, given), *words], export)
 
 
 def _maps(given: Mapping[str, Any]) -> list[str]:
@@ -324,7 +333,14 @@ def _baked(place: Place, words: list[str], output: str) -> Answer:
     if _state(report) not in (None, before):  # else it is of an earlier call
         bakes = _json(report).get("bakes") or [{}]
         result |= _short(bakes[0]) | {"report": report}
-    return Answer(_cut(json.dumps(result, indent=1)), is_error=code not in (0, 4))
+        said = [*result.get("gate", ()), *(text for each in result["measured"] for text in each.get("warnings", ()))]
+        result["messages"] = [line for line in result["messages"] if not line.endswith(tuple(said))]
+    return Answer(_cut(_cured(json.dumps(result, indent=1))), is_error=code not in (0, 4))
+
+
+def _cured(text: str) -> str:
+    """A text for an agent, for which the cure is a tool."""
+    return text.replace(UNWRAP_FIRST, "call asset with files, low and high: it makes UVs and the maps")
 
 
 def _state(path: str) -> tuple[int, int] | None:
@@ -340,21 +356,9 @@ def _short(bake: Mapping[str, Any]) -> dict[str, Any]:
     kept = {name: bake[name] for name in ("state", "error", "gate", "picture") if bake.get(name)}
     kept["files"] = [each["path"] for each in bake.get("files", ())]
     measured = ("triangles", "coverage", "missed", "overlap", "deviation", "targets")
-    measured += ("appearance", "asset", "warnings")
+    measured += ("appearance", "asset", "warnings", "notes")
     reports = [{name: each[name] for name in measured if each.get(name, {}) != {}} for each in bake.get("reports", ())]
-    notes = [note for each in bake.get("reports", ()) for note in _other_green(each)]
-    return kept | {"measured": reports} | ({"notes": notes} if notes else {})
-
-
-def _other_green(report: Mapping[str, Any]) -> list[str]:
-    """A sentence for each program that reads another green than the map stores, so that it shows something else."""
-    green = report["settings"]["green"]
-    engines = [targets.BY_NAME[name] for name in report.get("targets", ())]
-    return [
-        f"{engine.label} reads green as {engine.green}, and this map has {green}: set the option green."
-        for engine in engines
-        if engine.green != green
-    ]
+    return kept | {"measured": reports}
 
 
 def _report(place: Place, given: dict[str, Any]) -> Answer:
@@ -364,6 +368,9 @@ def _report(place: Place, given: dict[str, Any]) -> Answer:
         value = json.loads(said)
     except ValueError:
         return Answer(_cut(told) or "These are no reports of Imprint.", is_error=True)
+    if len(files) == 1:  # the call is that of the bake
+        with suppress(ValueError):  # what a call has left that did not end
+            value |= {key: each for key, each in _json(files[0]).items() if key in ("call", "host", "started")}
     for part in filter(None, given.get("key", "").split(".")):
         names = value if isinstance(value, dict) else dict(enumerate(value)) if isinstance(value, list) else {}
         step = int(part) if isinstance(value, list) and part.isdecimal() else part

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from ..core.errors import BakeError
 from ..core.naming import printable
-from . import interruption, plans, untrusted, worker_process
+from . import interruption, plans, standard_streams, untrusted, worker_process
 from .commands import CHECK
 from .options import RunOptions
 from .run_report import DONE, FAILED, WRONG_USAGE
@@ -35,8 +35,9 @@ def run(words: Sequence[str], run_options: RunOptions, options: argparse.Namespa
         raise BakeError(
             "The process that opened the files ended before they were looked at: they may be meant to do harm."
         )
+    text = standard_streams.without_egl(printed.decode(errors="replace"))
     print(
-        "\n".join(map(printable, printed.decode(errors="replace").strip().split("\n"))),
+        "\n".join(map(printable, text.split("\n"))),
         file=sys.stderr if code else sys.stdout,
     )
     return code

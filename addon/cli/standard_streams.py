@@ -12,7 +12,12 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from ..core.naming import printable
 from ..core.quiet import flush, silence
 
-__all__ = ["flush", "ignore_errors", "redirect_blender", "reserve", "silence"]
+__all__ = ["flush", "ignore_errors", "redirect_blender", "reserve", "silence", "without_egl"]
+
+
+def without_egl(text: str) -> str:
+    """What a process printed, without EGL's messages, which are harmless, and blanks around it."""
+    return "\n".join(line for line in text.splitlines() if not line.startswith("EGL Error")).strip()
 
 
 class _ErrorTolerantStream(io.FileIO):

@@ -8,6 +8,9 @@ from typing import Any
 from .declarations.choices import Hit, Method
 from .sentences import Sentence
 
+UNWRAP_FIRST = "unwrap it first"
+"""What to do with a mesh without UVs."""
+
 
 class BakeError(Exception):
     """The bake is not possible. The message is one sentence that says what to fix."""

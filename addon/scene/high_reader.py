@@ -11,7 +11,7 @@ import numpy as np
 from ..core import foreach
 from ..core.declarations import bases
 from ..core.declarations.choices import ExactMaterials, Method, Space
-from ..core.errors import BakeError
+from ..core.errors import UNWRAP_FIRST, BakeError
 from ..core.map_types import BY_NAME, PART_ID
 from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
@@ -257,7 +257,7 @@ def uv_layer(name: str, data: bpy.types.Mesh, wanted: str) -> str:
     if not data.polygons:
         raise BakeError(f"{name!r} has no faces.")
     if not data.uv_layers:
-        raise BakeError(f"{name!r} has no UV layer: unwrap it first.")
+        raise BakeError(f"{name!r} has no UV layer: {UNWRAP_FIRST}.")
     if wanted and wanted not in data.uv_layers:
         existing = ", ".join(repr(layer.name) for layer in data.uv_layers)
         raise BakeError(f"{name!r} has no UV layer {wanted!r}: it has {existing}.")

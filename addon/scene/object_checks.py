@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core import naming
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, shorten_list
+from ..core.errors import UNWRAP_FIRST, BakeError, shorten_list
 from .mesh_reader import count_triangles
 
 GONE = -1
@@ -451,5 +451,5 @@ def _mesh_problem(obj: bpy.types.Object, *, evaluated: bool, needs_uv: bool) -> 
     if not obj.data.polygons:
         return f"{obj.name!r} has no faces: choose a mesh that has some."
     if needs_uv and not obj.data.uv_layers:
-        return f"{obj.name!r} has no UV layer: unwrap it first."
+        return f"{obj.name!r} has no UV layer: {UNWRAP_FIRST}."
     return ""

@@ -5,6 +5,7 @@
 through the server, and prints whether it is done.
 """
 
+import argparse
 import json
 import os
 import sys
@@ -24,11 +25,14 @@ TASKS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8
 
 
 def main() -> None:
-    """Make the files in the folder that is named, and do the tasks."""
-    folder, *more = sys.argv[1:]
-    make_files(Path(folder))
-    if more == ["--play"]:
-        anyio.run(_print, Path(folder))
+    """Make the files in the folder that is named, and do the tasks. Raises SystemExit for other arguments."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", type=Path, help="where the files are made")
+    parser.add_argument("--play", action="store_true", help="do the tasks by their calls, through the server")
+    options = parser.parse_args()
+    make_files(options.folder)
+    if options.play:
+        anyio.run(_print, options.folder)
     else:
         print("\n".join(each["task"] for each in TASKS))
 

@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from addon.cli import agent_tools, arguments, command, mcp_command
 from addon.cli.agent_tools import TOOLS, Place
 from addon.cli.commands import ASSET
 from addon.core.declarations.all_settings import DECLARED
+from addon.core.errors import UNWRAP_FIRST
 from addon.output import atomic_file
 from scripts.agent import tasks
 
@@ -139,6 +141,64 @@ def test_the_report_of_an_earlier_bake_is_not_this_ones(place, monkeypatch):
     assert states == ["done", None, "failed"]
 
 
+def test_a_look_needs_no_low_mesh(place, ran):
+    agent_tools.call(place, "check", {"high_files": ["b.ply"]})
+    _, options = arguments.read_check(ran[0][1:], "imprint check")
+    assert (options.file, options.high_file, options.asset is None) == ([str(Path(place.root, "b.ply"))], [], False)
+
+
+def test_a_missing_low_mesh_is_answered_with_the_names(place, monkeypatch):
+    Path(place.root, "a.blend").write_text("")
+    monkeypatch.setattr(agent_tools, "_run", lambda *_: (1, "", "imprint check: Meshes of the file: 'x'."))
+    answer = agent_tools.call(place, "bake", {"files": ["a.blend"], "output": "out/x.png"})
+    assert answer.is_error and answer.text == "low is missing in 'a.blend'. Meshes of the file: 'x'."
+
+
+def test_a_cure_is_a_tool(place, monkeypatch):
+    said = f"imprint check: {UNWRAP_FIRST}."
+    monkeypatch.setattr(agent_tools, "_run", lambda *_: (1, "", said))
+    for tool, more in (("check", {}), ("bake", {"output": "out/x.png"})):
+        text = agent_tools.call(place, tool, {"low_file": "a.obj", **more}).text
+        assert "call asset with files, low and high" in text and UNWRAP_FIRST not in text
+
+
+def test_what_is_said_elsewhere_is_no_message(place, monkeypatch):
+    bake = {"state": "gate", "gate": ["Over."], "reports": [{"warnings": ["Look."], "notes": ["Green."], "tiles": [1]}]}
+
+    def run(*_):
+        Path(place.root, "out").mkdir()
+        Path(place.root, "out", "x.report.json").write_text(json.dumps({"bakes": [bake]}))
+        return 4, "", "imprint: warning: Look.\nimprint: Over.\nimprint: Else."
+
+    monkeypatch.setattr(agent_tools, "_run", run)
+    answer = agent_tools.call(place, "bake", {**MESHES, "output": "out/x.png"})
+    result = json.loads(answer.text)
+    assert result["messages"] == ["imprint: Else."] and result["gate"] == ["Over."] and not answer.is_error
+    assert result["measured"] == [{"warnings": ["Look."], "notes": ["Green."]}]
+
+
+def test_settings_that_are_wrong_are_answered_with_what_there_is(place, ran):
+    def said(**options):
+        return agent_tools.call(place, "bake", BAKE | {"options": options}).text
+
+    assert said(pack=True).startswith("options: pack needs a value, none|gltf|unreal")
+    assert said(sample=4) == "options: there is no setting 'sample' here, did you mean 'samples'?"
+    assert re.search(r"Nearest are [\w-]+(, [\w-]+){4}\.$", said(triangulate=True))
+    assert not ran
+
+
+def test_a_place_for_what_is_written_is_named(place):
+    place = Place(place.root, untrusted=True)
+    assert "'x.png' is not in" in (text := agent_tools.call(place, "bake", {**MESHES, "output": "x.png"}).text)
+    assert text.endswith("out', the folder that this server writes into.")
+
+
+def test_harmless_lines_are_left_out(place, monkeypatch):
+    done = subprocess.CompletedProcess([], 0, b"EGL Error (1): bad\nkept\n", b"EGL Error (1): bad\n")
+    monkeypatch.setattr(agent_tools.subprocess, "run", lambda *_, **__: done)
+    assert agent_tools.call(place, "check", {**MESHES}).text == "kept"
+
+
 BAKE = {**MESHES, "output": "out/x.png"}
 HUGE = 10**5000
 NONSENSE = [
@@ -200,6 +260,13 @@ def test_a_part_of_a_report(place, monkeypatch):
     assert missing.is_error and "'1'" in missing.text
 
 
+def test_the_call_of_a_report_is_that_of_the_bake(place, monkeypatch):
+    Path(place.root, "r.json").write_text(json.dumps({"call": ["bake"], "started": "then", "host": "there"}))
+    monkeypatch.setattr(agent_tools, "_run", lambda *_: (0, json.dumps({"call": ["report"], "bakes": []}), ""))
+    value = json.loads(agent_tools.call(place, "report", {"reports": ["r.json"]}).text)
+    assert value == {"call": ["bake"], "started": "then", "host": "there", "bakes": []}
+
+
 def test_settings_name_no_file():
     assert {"samples", "targets", "max-distance", "strict", "levels"} <= {*agent_tools.OF_ASSETS}
     assert not {"output", "export", "report", "save-blend", "jobs", "file", "low-file", "convert"} & {
@@ -231,6 +298,15 @@ def test_the_skill_names_tools_and_settings_that_are_there():
     assert values <= {item.value.lower() for item in DECLARED["targets"].items}
     for task in tasks.TASKS:
         assert task["task"].endswith((".", "?")) and {name for name, _ in task["calls"]} <= {*TOOLS}
+
+
+@pytest.mark.parametrize("words", [["--help"], ["folder", "--paly"], []])
+def test_wrong_arguments_of_the_tasks_make_no_folder(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["tasks.py", *words])
+    with pytest.raises(SystemExit):
+        tasks.main()
+    assert not [*tmp_path.iterdir()] and "usage:" in "".join(capsys.readouterr())
 
 
 @pytest.mark.slow

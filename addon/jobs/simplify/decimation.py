@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...core import foreach, udim
-from ...core.errors import BakeError
+from ...core.errors import UNWRAP_FIRST, BakeError
 from ...core.simplify import Candidate
 from ...mesh import coarser_uvs
 from ...mesh.triangle_mesh import Mesh
@@ -220,7 +220,7 @@ def read_original(
     if not data.polygons:
         raise BakeError(f"{obj.name!r} has no faces: choose a mesh that has some.")
     if not data.uv_layers:
-        raise BakeError(f"{obj.name!r} has no UV layer: unwrap it first.")
+        raise BakeError(f"{obj.name!r} has no UV layer: {UNWRAP_FIRST}.")
     if uv_layer and uv_layer not in data.uv_layers:
         raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
     layer = uv_layer or mesh_reader.active_uv_layer(data)
