@@ -417,11 +417,11 @@ def _texts(description: str) -> dict[str, Any]:
 
 _OF_FILES = {
     "files": _texts("Paths of a .blend, or of mesh files that are loaded together, below the server's folder"),
-    "low": _text("The name of the low mesh in files, which has UVs"),
+    "low": _text("The name of the low mesh in files; asset makes UVs if it has none"),
     "high": _texts("The names of the high meshes in files"),
     "options": {
         "type": "object",
-        "description": "Further settings by their names on the command line, as {'samples': 4, 'targets': 'unreal'}",
+        "description": "Further settings by their names on the command line, as {'samples': 4, 'strict': 'missed<0.1%'}",
     },
 }
 _OF_BAKE = {
@@ -437,7 +437,7 @@ _OF_MAPS = {
 }
 TOOLS = {
     "check": Tool(
-        "Say what the high meshes of a bake are and what will be changed of them, before a bake. Writes nothing.",
+        "Say what high meshes are, with a low mesh or alone, and what a bake or asset will change of them. Writes nothing.",
         _OF_BAKE,
         (),
         _check,
@@ -459,7 +459,7 @@ TOOLS = {
             **_OF_FILES,
             **_OF_MAPS,
             "export": _text("The path of the file, as out/statue.glb; maps stand beside it"),
-            "triangles": {"type": "integer", "description": "How many triangles the low mesh has; else at most 5000"},
+            "triangles": {"type": "integer", "description": "How many triangles a new low mesh has; else at most 5000"},
             "degrees": {"type": "number", "description": "The shading error that 99 % of the pixels may have"},
         },
         ("files", "export"),
@@ -475,7 +475,8 @@ TOOLS = {
         _report,
     ),
     "picture": Tool(
-        "Show a PNG file: a map, or the picture that a bake kept, of its map, the low mesh with it, and its deviation.",
+        "Show a PNG file: a map, or the picture that a bake kept, of its map, the low mesh with it, and its deviation, bright "
+        "where the map is wrong by its own green.",
         {"path": _text("The path of the PNG file")},
         ("path",),
         _picture,

@@ -169,7 +169,8 @@ def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
     is_other &= wanted.is_count_given
     of_making = {"--quads": wanted.quads, "--crumbs, --holes and --symmetry": wanted.mending != USUAL_MENDING}
     unused = [] if wanted.own_levels else [name for name, is_given in of_making.items() if is_given]
-    if options.low and not (is_other or unused):
+    is_known = bool(options.low) or (wanted.is_count_given and count == wanted.triangles)
+    if is_known and not (is_other or unused):
         return []
     why, cure = (
         ("named as the low mesh", "Leave out --low") if options.low else ("there already", "Rename or remove it")

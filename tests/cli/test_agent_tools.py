@@ -292,9 +292,10 @@ def test_the_skill_names_tools_and_settings_that_are_there():
     named = set(re.findall(r"`(\w[\w-]*)`", text))
     assert {*TOOLS} <= named
     arguments = {name for tool in TOOLS.values() for name in tool.properties}
-    measured = {"warnings", "missed", "overlap", "targets", "messages", "deviation", "notes", "appearance"}
-    values = {"unreal", "unity", "godot", "three"}
-    assert named - {*TOOLS} - arguments - {*agent_tools.OF_ASSETS} - measured - values == set()
+    measured = {"warnings", "missed", "overlap", "targets", "messages", "deviation", "notes", "appearance", "checks"}
+    measured |= {"wrong", "backs", "distance", "worst_view", "percentile_99"}
+    values, packs = {"unreal", "unity", "godot", "three"}, {item.value.lower() for item in DECLARED["pack"].items}
+    assert named - {*TOOLS} - arguments - {*agent_tools.OF_ASSETS} - measured - values - packs == set()
     assert values <= {item.value.lower() for item in DECLARED["targets"].items}
     for task in tasks.TASKS:
         assert task["task"].endswith((".", "?")) and {name for name, _ in task["calls"]} <= {*TOOLS}

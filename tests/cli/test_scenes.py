@@ -77,12 +77,13 @@ def test_wrong_scenes_are_named(two, capsys, words, code, expected):
     assert expected in text
 
 
-def test_a_low_object_that_is_there_is_said_where_a_number_was_asked_for(two, capsys):
+def test_a_low_object_that_its_name_has_found_is_said(two, capsys):
     asked = ["asset", "two.blend", "--high", "rock_high", "--size", "32", "--output", "m.png"]
-    sentence = "'rock_low' is there already and has 8 triangles, not 3,000: it was baked as it is"
+    sentence = "'rock_low' is there already and has 8 triangles, not 3,000: it is baked as it is"
     code, text = run(capsys, *asked, "--triangles", "3000")
     assert (code, sentence in text) == (0, True)
-    for others in ([], ["--triangles", "8"], ["--low", "rock_low", "--triangles", "3000"]):
+    assert sentence.replace(", not 3,000", "") in run(capsys, *asked)[1]
+    for others in (["--triangles", "8"], ["--low", "rock_low"]):
         assert "there already" not in run(capsys, *asked, *others)[1]
 
 

@@ -29,6 +29,7 @@ def test_a_clean_mesh():
     assert found.distances == pytest.approx((0.1, 0.1, np.sqrt(8.0)), rel=1e-4)
     lines = found.lines()
     assert lines[:2] == ["128 triangles in 1 connected parts, 0 of them closed", "No face will be turned over"]
+    assert lines[2].startswith("Parts that are not closed have holes or borders")
     assert "0.1 (median, 3.5% of its diagonal)" in lines[-1]
 
 
