@@ -229,16 +229,17 @@ class State:
 
     def _placed(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where some edges (N,) collapse to (N, 3), and what that costs (N,)."""
-        return self._optimal_placements(edges.keys[chosen], edges.ends[chosen])
+        return self._optimal_placements(edges, chosen)
 
     def _collapse_edges(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> None:
         """Collapse edges (N,) to their places (N, 3)."""
         self._collapse(edges.ends[which], places)
 
-    def _optimal_placements(self, keys: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where edges (E, 2) collapse to (E, 3), and what that costs (E,). keys: (E,), of the edges, in order."""
+    def _optimal_placements(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where some edges (N,) collapse to, and what that costs, as `_new_placements` has both."""
+        keys = edges.keys[chosen]
         known, *values = self._known
-        places, costs = np.empty((len(keys), 3)), np.empty(len(keys))
+        places, costs = (np.empty((len(keys), *each.shape[1:])) for each in values)
         if len(known):
             at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
             is_known = known[at] == keys
@@ -247,15 +248,23 @@ class State:
             left = np.flatnonzero(~is_known)
         else:
             left = np.arange(len(keys))
-        places[left], costs[left] = self._new_placements(ends[left])
+        places[left], costs[left] = self._new_placements(edges, chosen[left])
         self._known = keys, places, costs
         return places, costs
 
-    def _new_placements(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `_optimal_placements`, of edges that are not known."""
-        a, b = ends.T
-        planes, offsets, constants = self._summed(a, b)
-        middles = 0.5 * (self.points[a] + self.points[b])
+    def _new_placements(self, edges: EdgeTable, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where some edges (N,) would collapse to (N, 3), and what that would cost (N,): these may depend on what is at both
+        ends alone."""
+        a, b = edges.ends[which].T
+        return self._best_places(self._summed(a, b), a, b)
+
+    def _best_places(
+        self, quadrics: Quadrics, a: np.ndarray, b: np.ndarray, share: float = 0.5
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The places (E, 3) that cost least (E,). share: of the way from vertices a (E,) to b (E,), where a quadric that leaves
+        them free has them."""
+        planes, offsets, constants = quadrics
+        middles = (1.0 - share) * self.points[a] + share * self.points[b]
         stiff = STIFF * np.trace(planes, axis1=1, axis2=2) + 1e-30
         slopes = np.einsum("eij,ej->ei", planes, middles) + offsets
         places = middles - np.linalg.solve(planes + stiff[:, None, None] * np.eye(3), slopes[..., None])[..., 0]

@@ -4,10 +4,12 @@
 Edges collapse as in mesh/collapse.py. A line is where the surface, a UV island or a label ends. Vertices on a line go along it,
 and have a wedge of values on each of its sides; planes along lines are the price of what moves across.
 
-Source: Hoppe, "New quadric metric for simplifying meshes with appearance attributes", 1999, for the wedges. There, values have
-quadrics; here, those within islands are moved afterwards, by coarser_uvs.moved_uvs.
-Tried on a chess piece of 3,000 triangles in 87 islands, at 750: with planes along lines that count ten times as much as the
-surface 4.1 degrees of error, as much 3.4, a tenth 3.6; with vertices on lines that stay in their places no mesh below 812.
+Source: Hoppe, "New quadric metric for simplifying meshes with appearance attributes", 1999, for the wedges, and quadrics of
+position and UV. There, UVs are the best for all; here, they are those of an end of the edge, or of its middle, whichever costs
+least with the best position for it, so that borders of islands stay what they are.
+Tried on a chess piece of 3,000 triangles in 34 islands, at 1,500, 750 and 375: 1.95, 3.81 and 7.42 degrees of error without
+quadrics of UVs, whose values were those along the edge; with them 1.86, 3.57 and 6.39. Vertices on lines that stay in their
+places leave no mesh below 812.
 """
 
 from dataclasses import dataclass
@@ -16,21 +18,27 @@ import numpy as np
 
 from . import topology
 from .collapse import IN_POSE, CollapseOptions, State, box
-from .quadrics import quadrics_of, side_planes, summed
+from .quadrics import Mapped, quadrics_of, side_planes, summed
 from .topology import EdgeTable
 from .triangles import checked, face_areas, face_normals, unit_normals
 from .uv_seams import CONNECTED
 
-LINE = 1.0
-"""How much the planes along lines inside the surface count, as quadrics.BORDER."""
+LINE = 0.3
+"""How much the planes along lines inside the surface count, as quadrics.BORDER. Tried on the chess piece: 1.0 has 1.84, 3.41
+and 6.53 degrees with all that follows, 0.3 1.81, 3.44 and 6.26, 0.1 1.83, 3.41 and 6.19, but folds plates."""
+ALONG = 0.3
+"""How much the ways along the surface to where UVs lie count, against distances from it. 1.0 has 1.85, 3.57 and 6.76 degrees,
+and outlines of 4.1 % instead of 3.7 %."""
+SHARES = np.array([0.0, 0.5, 1.0])
+"""The places along an edge whose UVs it may become."""
 LEAST_UV_AREA = 0.05
 """The least area of a triangle in the layout, as a share of what that of its place was for its area on the surface."""
-FARTHEST = 0.02
+FARTHEST = 0.01
 """How far a collapse may move the surface, as the root mean square over all of it, in longest sides of its box.
 
-Lines leave few edges that can collapse, and the cheapest of these may fold a wall, which moves it by 0.28 or more. Tried on a
-housing of 300 triangles at 75: without a limit 128, outlines 14 % off; with 0.02 142, outlines 1.1 % off; 0.03 folds a plate.
-A chess piece and a helmet of 3,000 triangles reach 64 and 274 with it, a cow of 600 triangles 76."""
+Lines leave few edges that can collapse, and the cheapest of these may fold a wall, which moves it by more. Tried on a plate
+0.05 thick: with 0.01 it keeps its corners whatever is wanted, with 0.015 it becomes 8 triangles. A chess piece and a helmet
+of 3,000 triangles still reach 374."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +115,7 @@ class LayoutState(State):
         values: (W, K), of the wedges.
         faces: (T,) int, which triangle each one was.
         scales: (T, layers), the signed areas in the layout for an area on the surface, when each triangle was that.
+        maps: The quadrics of wedges, in the first UV layer.
         drift: (W,), how far the border at a wedge has moved outwards.
         room: how far it may.
     """
@@ -130,6 +139,8 @@ class LayoutState(State):
         areas = np.linalg.norm(face_normals(points, triangles), axis=1)
         self.scales = _uv_areas(mesh.values, mesh.layers) / np.maximum(areas, 1e-300)[:, None]
         self.drift = np.zeros(len(self.values))
+        self.maps = Mapped.of(points[triangles], mesh.values[..., :2], wedges, ALONG * weights)
+        self._known = np.zeros(0, np.int64), np.zeros((0, len(SHARES), 3)), np.zeros((0, len(SHARES)))
 
     def _allowed(self, edges: EdgeTable) -> np.ndarray:
         self._is_line = _lines(edges, self.wedges)
@@ -137,54 +148,70 @@ class LayoutState(State):
         return super()._allowed(edges)
 
     def _placed(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        places, costs = (each.copy() for each in super()._placed(edges, chosen))
+        places, costs = self._optimal_placements(edges, chosen)
         ends, is_line = edges.ends[chosen], self._is_line[chosen]
-        self._stays = np.full(len(edges.ends), -1)
-        """Which end of each edge (E,) the other one goes to; -1 for a place between them."""
         on_line = self._lines_at[ends] > 0
         goes_between = ~on_line.any(axis=1) | (is_line & (self._lines_at[ends] == 2).all(axis=1))
-        to_an_end = np.flatnonzero(~goes_between)
-        ends, on_line = ends[to_an_end], on_line[to_an_end]
-        price = self._costs_at_ends(ends)
-        price[~on_line & on_line[:, ::-1]] = np.inf
-        stays, rows = price.argmin(axis=1), np.arange(len(ends))
-        places[to_an_end], costs[to_an_end] = self.points[ends[rows, stays]], price[rows, stays]
-        self._stays[chosen[to_an_end]] = stays
-        return places, costs
+        leaves_line = on_line & ~on_line[:, ::-1]
+        is_out = np.stack([leaves_line[:, 1], ~goes_between, leaves_line[:, 0]], axis=1)
+        best, rows = np.where(is_out, np.inf, costs).argmin(axis=1), np.arange(len(ends))
+        self._shares = np.zeros(len(edges.ends))
+        """How far along each edge (E,) the UVs lie that it becomes."""
+        self._shares[chosen] = SHARES[best]
+        return places[rows, best], costs[rows, best]
 
-    def _costs_at_ends(self, ends: np.ndarray) -> np.ndarray:
-        """What it costs (E, 2) if edges (E, 2) collapse to one of their ends."""
-        a, b = ends.T
-        planes, offsets, constants = self._summed(a, b)
-        at = self.points[ends]
-        result = np.einsum("enx,exy,eny->en", at, planes, at) + 2.0 * np.einsum("ex,enx->en", offsets, at)
-        squares = ((at[:, 0] - at[:, 1]) ** 2).sum(axis=1)
-        result += constants[:, None]
-        return np.maximum(result, 0.0) + 1e-10 * squares[:, None]
+    def _new_placements(self, edges: EdgeTable, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The places (E, 3, 3) and costs (E, 3) of edges that become what is at each of SHARES."""
+        a, b = edges.ends[which].T
+        owners = np.zeros(len(self.values), np.int64)
+        owners[self.wedges.reshape(-1)] = self.triangles.reshape(-1)
+        now = self.maps.at(np.arange(len(owners)), self.values[:, :2])
+        at_vertices = [
+            topology.sums_of(owners, each.reshape(len(owners), -1), len(self.points)).reshape(-1, *each.shape[1:])
+            for each in now
+        ]
+        here = [one + other[a] + other[b] for one, other in zip(self._summed(a, b), at_vertices, strict=True)]
+        sides = [self._beside(edges, which, a, nth) for nth in (0, 1)]
+        has_two = edges.counts[which] > 1
+        found = []
+        for share in SHARES:
+            quadrics = [each.copy() for each in here]
+            for nth, pair in enumerate(sides):
+                uv = (1.0 - share) * self.values[pair[0], :2] + share * self.values[pair[1], :2]
+                for end, wedge in enumerate(pair):
+                    some = has_two & (wedge != sides[0][end]) if nth else np.ones(len(which), bool)
+                    moved = self.maps.at(wedge, uv)
+                    for total, new, old in zip(quadrics, moved, now, strict=True):
+                        total[some] += new[some] - old[wedge[some]]
+            found.append(self._best_places((quadrics[0], quadrics[1], quadrics[2]), a, b, share))
+        places, costs = zip(*found, strict=True)
+        return np.stack(places, axis=1), np.stack(costs, axis=1)
 
-    def _after(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, ...]:
-        """What becomes of edges (N,) that collapse to places (N, 3): the ends (N,) that stay, the wedge (W,) that each one
-        becomes, and the values (W, K) of wedges."""
-        stays = self._stays[which]
-        stay = edges.ends[which, np.maximum(stays, 0)]
-        start, stop = self.points[stay], self.points[edges.ends[which].sum(axis=1) - stay]
-        along = stop - start
-        shares = ((places - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300)
-        shares = np.where(stays < 0, np.clip(shares, 0.0, 1.0), 0.0)[:, None]
+    def _beside(self, edges: EdgeTable, which: np.ndarray, start: np.ndarray, nth: int) -> tuple[np.ndarray, ...]:
+        """The wedges (N,) at both ends of edges, on their first or second side, or on the only one. start: (N,), the ends of
+        which those come first."""
+        side = edges.sides[edges.begins[which] + np.minimum(nth, edges.counts[which] - 1)]
+        first, last = self.wedges.reshape(-1)[side], np.roll(self.wedges, -1, axis=1).reshape(-1)[side]
+        is_first = edges.first[side] == start
+        return np.where(is_first, first, last), np.where(is_first, last, first)
+
+    def _after(self, edges: EdgeTable, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What becomes of edges (N,) that collapse: the ends (N,) that stay, the wedge (W,) that each one becomes, and the
+        values (W, K) of wedges."""
+        shares = self._shares[which]
+        stay = edges.ends[which, (shares == 1.0).astype(np.int64)]
+        shares = np.where(shares == 1.0, 0.0, shares)[:, None]
         target, values = np.arange(len(self.values)), self.values.copy()
-        first, last = self.wedges.reshape(-1), np.roll(self.wedges, -1, axis=1).reshape(-1)
         for nth in (0, 1):
             has = np.flatnonzero(edges.counts[which] > nth)
-            side = edges.sides[edges.begins[which[has]] + nth]
-            is_first = edges.first[side] == stay[has]
-            kept, gone = np.where(is_first, (first[side], last[side]), (last[side], first[side]))
+            kept, gone = self._beside(edges, which[has], stay[has], nth)
             target[gone] = kept
             values[kept] = (1.0 - shares[has]) * self.values[kept] + shares[has] * self.values[gone]
         return stay, target, values
 
     def _is_good(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> np.ndarray:
         is_good = super()._is_good(edges, which, places)
-        stay, target, values = self._after(edges, which, places)
+        stay, target, values = self._after(edges, which)
         owner = np.full(len(self.points), -1)
         owner[edges.ends[which]] = np.arange(len(which))[:, None]
         owners = owner[self.triangles]
@@ -229,10 +256,11 @@ class LayoutState(State):
         return wedges, numbers, far
 
     def _collapse_edges(self, edges: EdgeTable, which: np.ndarray, places: np.ndarray) -> None:
-        stay, target, values = self._after(edges, which, places)
+        stay, target, values = self._after(edges, which)
         wedges, _, far = self._moved_borders(edges, which, stay, target, values)
         np.maximum.at(self.drift, wedges, far)
         self.values, self.wedges = values, target[self.wedges]
+        self.maps.merge(target)
         self._collapse(np.stack([stay, edges.ends[which].sum(axis=1) - stay], axis=1), places)
 
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:

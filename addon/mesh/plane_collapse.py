@@ -199,7 +199,8 @@ class _State(State):
             parts.append(quadrics.border_planes(points, triangles, self._normals[of], np.ones(len(triangles))))
         return quadrics.summed(parts, len(points))
 
-    def _new_placements(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _new_placements(self, edges: EdgeTable, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ends = edges.ends[which]
         a, b = ends.T
         planes, offsets = self._planes[a] + self._planes[b], self._offsets[a] + self._offsets[b]
         constants = self._constants[a] + self._constants[b]

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Squared distances from planes as quadrics of vertices: of triangles, along edges, and of triangles in a pose.
+"""Squared distances as quadrics of vertices: from planes of triangles, along edges, and of triangles in a pose; and from where
+their UVs lie on the surface.
 
 Sources: Garland and Heckbert, "Surface simplification using quadric error metrics", 1997; sums over poses, of Mohr and
 Gleicher, "Deformation sensitive decimation", 2003. Here, the quadrics of all poses are brought to the rest pose before they are
@@ -11,11 +12,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from . import topology
 from .topology import EdgeTable
 from .triangles import unit, unit_normals
 
 BORDER = 10.0
 """How much the planes along open edges count, as a factor on the square of an edge's length."""
+
+LEAST_UV_AREA = 1e-12
+"""The area of a triangle in a layout up to which UVs say nothing about its places."""
 
 Quadrics: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances from planes."""
@@ -60,6 +65,69 @@ def summed(planes: list[tuple], count: int) -> Quadrics:
             for column in vertices.T:
                 np.add.at(values, column, part)
     return result
+
+
+@dataclass(eq=False)
+class Mapped:
+    """The quadrics of wedges in position and UV: the squares of ways along the surface, from a place to where its UV lies.
+
+    Source: Garland and Heckbert, "Simplifying surfaces with color and texture using quadric error metrics", 1998. There, the
+    quadric of a triangle is the distance from its plane in a space of positions and UVs; here, it is the way in the triangle
+    from a position to the place that its plane has at a UV, so that it is a distance, whatever the scale of the layout.
+
+    Attributes:
+        matrices: (W, 5, 5).
+        offsets: (W, 5).
+        constants: (W,), so that x A x + 2 b x + c is the sum of squares for positions and UVs x.
+    """
+
+    matrices: np.ndarray
+    offsets: np.ndarray
+    constants: np.ndarray
+
+    @classmethod
+    def of(cls, corners: np.ndarray, uv: np.ndarray, wedges: np.ndarray, of_faces: np.ndarray) -> "Mapped":
+        """Those of triangles, at each of their corners.
+
+        Args:
+            corners: (T, 3, 3).
+            uv: (T, 3, 2).
+            wedges: (T, 3) int, of corners.
+            of_faces: (T,), as in `quadrics_of`. Triangles without an area in the layout do not count.
+        """
+        normals, lengths = unit_normals(corners)
+        uv_edges = uv[:, 1:] - uv[:, :1]
+        has_area = np.abs(np.linalg.det(uv_edges)) > LEAST_UV_AREA
+        turns = np.linalg.inv(np.where(has_area[:, None, None], uv_edges, np.eye(2)))
+        turns = (turns @ (corners[:, 1:] - corners[:, :1])).transpose(0, 2, 1)  # from UVs to positions
+        starts = corners[:, 0] - (turns @ uv[:, 0, :, None])[..., 0]
+        along = np.eye(3) - normals[:, :, None] * normals[:, None]
+        along *= (has_area * of_faces * lengths / 6.0)[:, None, None]
+        ways = np.concatenate([np.broadcast_to(np.eye(3), along.shape), -turns], axis=2)
+        weighted = ways.transpose(0, 2, 1) @ along
+        offsets = (weighted @ starts[..., None])[..., 0]
+        constants = np.einsum("ti,tij,tj->t", starts, along, starts)
+        count = int(wedges.max(initial=-1)) + 1
+        parts = (
+            topology.sums_of(wedges.reshape(-1), np.repeat(part.reshape(len(part), -1), 3, axis=0), count)
+            for part in (weighted @ ways, -offsets, constants)
+        )
+        matrices, offsets, constants = parts
+        return cls(matrices.reshape(-1, 5, 5), offsets, constants[:, 0])
+
+    def at(self, wedges: np.ndarray, uv: np.ndarray) -> Quadrics:
+        """The quadrics of positions of wedges (N,) at UVs (N, 2)."""
+        matrices, offsets, constants = self.matrices[wedges], self.offsets[wedges], self.constants[wedges]
+        along = np.einsum("nij,nj->ni", matrices[:, :, 3:], uv)
+        constants = constants + ((along[:, 3:] + 2.0 * offsets[:, 3:]) * uv).sum(axis=1)
+        return matrices[:, :3, :3], along[:, :3] + offsets[:, :3], constants
+
+    def merge(self, target: np.ndarray) -> None:
+        """Take wedges for the ones (W,) that they become."""
+        gone = np.flatnonzero(target != np.arange(len(target)))
+        for values in (self.matrices, self.offsets, self.constants):
+            np.add.at(values, target[gone], values[gone])
+            values[gone] = 0.0
 
 
 @dataclass(eq=False)

@@ -153,6 +153,21 @@ def test_a_globe_stays_closed_and_its_map_in_place():
     assert np.abs(coarse.values[..., 1] - 0.5 - 0.2 * corners[..., 2]).max() < 0.03
 
 
+def test_places_of_a_globe_lie_near_to_where_their_uvs_do():
+    """Half as far as with UVs that are only carried along edges: 0.048 and 0.079."""
+    mesh, off = globe(), []
+    for count in (160, 80):
+        coarse = collapse_layout(mesh, CollapseOptions(count), ROOM)
+        corners = np.concatenate([coarse.points[coarse.triangles], coarse.values], axis=2)
+        x, y, z, u, v = np.einsum("kc,tcx->xtk", INNER, corners)
+        longitude, height = 2.0 * np.pi * (u - 0.5) / 0.9, np.clip((v - 0.5) / 0.2, -1.0, 1.0)
+        radius = np.sqrt(1.0 - height**2)
+        there = radius * np.cos(longitude), radius * np.sin(longitude), height
+        far = np.linalg.norm(np.stack(there) - np.stack([x, y, z]), axis=0).mean(axis=1)
+        off.append(np.average(far, weights=face_areas(coarse.points, coarse.triangles)))
+    assert off[0] < 0.028 and off[1] < 0.052
+
+
 def annulus(n=48):
     """A ring with radii 1 and 2 in three rows of quads, whose UVs are a tenth of its places."""
     angles = np.arange(n) * 2.0 * np.pi / n
@@ -199,9 +214,9 @@ def test_a_border_moves_as_far_as_the_chord_is_from_the_vertex_that_goes(stays):
     """At both ends of an edge of the hole, whichever goes. And how far it had moved before counts, too."""
     state, edges, _ = begun(annulus())
     which = np.flatnonzero((edges.ends < 48).all(axis=1))[:1]
-    state._stays[which] = stays
+    state._shares[which] = stays
     gone = edges.ends[which, 1 - stays]
-    after = state._after(edges, which, state.points[edges.ends[which, stays]])
+    after = state._after(edges, which)
     chord = 0.1 * (1.0 - np.cos(2.0 * np.pi / 48))
     assert state._moved_borders(edges, which, *after)[2].max() == pytest.approx(chord)
     corners = state.triangles.reshape(-1)
@@ -221,15 +236,14 @@ def test_ends_of_edges_stay_on_lines_and_where_lines_meet():
     state._planes[:] = inner[:, None, None] * np.eye(3)
     state._offsets[:] = inner[:, None] * -state.points
     state._constants[:] = inner * (state.points**2).sum(axis=1)
-    state._known = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
-    places = state._placed(edges, np.arange(len(edges.ends)))[0]
-    ends = state.points[edges.ends]
+    state._known = tuple(each[:0] for each in state._known)
+    state._placed(edges, np.arange(len(edges.ends)))
     x, y = points[edges.ends][..., 0], points[edges.ends][..., 1]
     on_line = (np.abs(x) == 1.0) | (np.abs(y) == 1.0) | (x == 0.0)
     along = ((np.abs(x) == 1.0) & (x[:, :1] == x)).all(axis=1) | ((np.abs(y) == 1.0) & (y[:, :1] == y)).all(axis=1)
     along |= (x == 0.0).all(axis=1)
     meets = (x == 0.0) & (np.abs(y) == 1.0)
-    at_end = (places[:, None] == ends).all(axis=2)
+    at_end = state._shares[:, None] == [0.0, 1.0]
     to_line = on_line.sum(axis=1) == 1
     assert to_line.any() and np.array_equal(at_end[to_line], on_line[to_line])
     across = on_line.all(axis=1) & ~along
@@ -245,17 +259,17 @@ def test_where_lines_meet_stays_on_a_flat_square():
     seam = (points[edges.ends][..., 0] == 0.0).all(axis=1) & (np.abs(points[edges.ends][..., 1]) == 1.0).any(axis=1)
     outer = np.abs(points[edges.ends[seam]][..., 1]).argmax(axis=1)
     assert seam.sum() == 2
-    assert np.array_equal(places[seam], state.points[edges.ends[seam, outer]])
+    assert places[seam] == pytest.approx(state.points[edges.ends[seam, outer]], abs=1e-9)
 
 
-def test_values_are_those_of_the_place_along_the_edge():
+def test_values_are_those_of_the_middle_of_the_edge():
     points, triangles = grid(4)
     state, edges, _ = begun(charted(points, triangles, np.zeros(len(triangles), int), LEFT))
     inner = np.flatnonzero((np.abs(points[edges.ends][..., :2]) < 1.0).all(axis=(1, 2)))[:1]
-    a, b = state.points[edges.ends[inner]].transpose(1, 0, 2)
-    _, target, values = state._after(edges, inner, 0.75 * a + 0.25 * b)
+    state._shares[inner] = 0.5
+    _, target, values = state._after(edges, inner)
     first, last = points[edges.ends[inner[0]]]
-    expected = np.array(LEFT) @ [*(0.75 * first + 0.25 * last), 1.0]
+    expected = np.array(LEFT) @ [*(0.5 * (first + last)), 1.0]
     touching = np.isin(state.triangles, edges.ends[inner])
     assert values[target[state.wedges[touching]], :2] == pytest.approx(np.tile(expected, (touching.sum(), 1)))
 

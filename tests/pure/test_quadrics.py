@@ -6,7 +6,7 @@ import pytest
 
 from addon.mesh import collapse
 from addon.mesh.collapse import CollapseOptions, State
-from addon.mesh.quadrics import Moved
+from addon.mesh.quadrics import Mapped, Moved
 from addon.mesh.topology import EdgeTable
 from addon.mesh.triangles import face_normals
 from tests.pure.test_collapse import grid
@@ -55,8 +55,11 @@ def test_a_mesh_that_moves_as_a_whole_becomes_what_it_is_at_rest():
     points, triangles = sphere(8)
     points, weights = points * [1.0, 2.0, 0.7] + [5.0, -3.0, 1.0], np.ones(len(triangles))
     motions = motion_of(turned(70.0) @ turned(30.0, 2), (4.0, 5.0, 6.0), len(points))
-    ends = EdgeTable.of(triangles).ends
-    rest, posed = (State.of(points, triangles, weights, moved)._new_placements(ends) for moved in (None, motions))
+    edges = EdgeTable.of(triangles)
+    every = np.arange(len(edges.ends))
+    rest, posed = (
+        State.of(points, triangles, weights, moved)._new_placements(edges, every) for moved in (None, motions)
+    )
     np.testing.assert_allclose(posed[0], rest[0], atol=1e-9)
     np.testing.assert_allclose(posed[1], (1.0 + collapse.IN_POSE) * rest[1], rtol=1e-3, atol=1e-9)
 
@@ -108,3 +111,22 @@ def test_a_posed_mesh_on_its_way_stands_for_all_faces():
     for before, now in zip((*one.quadrics, one.motions), (*other.quadrics, other.motions), strict=True):
         np.testing.assert_allclose(now[used], before[used], atol=1e-9)
     assert (EdgeTable.of(again.triangles).counts == 2).all()
+
+
+def test_quadrics_of_places_are_squares_of_ways_along_the_triangle():
+    """To where a UV lies in its plane, for a third of its area. A triangle without an area in the layout says nothing."""
+    dice = np.random.default_rng(4)
+    corners, uv = dice.normal(size=(2, 3, 3)), dice.random((2, 3, 2))
+    uv[1] = uv[1, :1]
+    maps = Mapped.of(corners, uv, np.arange(6).reshape(2, 3), np.array([2.0, 1.0]))
+    place, shares = dice.normal(size=3), np.array([0.2, 0.7, 0.1])
+    planes, offsets, constants = maps.at(np.arange(6), np.repeat(np.einsum("c,tcx->tx", shares, uv), 3, axis=0))
+    found = place @ planes @ place + 2.0 * offsets @ place + constants
+    normal = face_normals(corners)[0]
+    way = place - shares @ corners[0]
+    way -= normal * (way @ normal) / (normal @ normal)
+    expected = 2.0 * 0.5 * np.linalg.norm(normal) / 3.0 * (way @ way)
+    assert found == pytest.approx([expected] * 3 + [0.0] * 3)
+    maps.merge(np.array([1, 1, 2, 3, 4, 5]))
+    merged, _, _ = maps.at(np.arange(2), np.zeros((2, 2)))
+    assert merged == pytest.approx(np.stack([0.0 * planes[0], 2.0 * planes[0]]))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes levels of detail that show the textures of a low mesh: coarser meshes with its UV layout.
 
-Their vertices move onto the high surface, their UVs to where the low mesh has them, and their normals are as near as can be to
-those of the low mesh, from which a normal map in tangent space counts.
+Their vertices move onto the high surface, and along it to where the low mesh has their UVs. Their normals are as near as can
+be to those of the low mesh, from which a normal map in tangent space counts, or what they show with that map is.
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,12 @@ import bpy
 import numpy as np
 
 from ...core import foreach
-from ...mesh import coarser_uvs, fitting, topology
+from ...mesh import fitting, topology
 from ...mesh.carried_normals import INNER, LaidOut, carried_normals, common_normals, found_on
-from ...mesh.closest import Surface
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
-from ...mesh.triangles import barycentric, face_areas, transformed, unit, unit_normals
+from ...mesh.triangles import face_areas, transformed, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
 from .decimation import UvMesh
@@ -91,10 +90,8 @@ class LayoutSource:
     def make(self, triangles: int) -> list["SharedLevel"]:
         """A mesh of about this many triangles."""
         coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
-        on_line = coarse.on_line
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
-        coarse = replace(coarse, points=points)
-        coarse = self._slid(replace(coarse, values=self._moved(coarse, on_line)))
+        coarse = self._slid(replace(coarse, points=points))
         data = self._written(coarse, self.carried_to(coarse, self._normals))
         return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
 
@@ -182,30 +179,11 @@ class LayoutSource:
         return self._charted.points, self._charted.triangles
 
     @cached_property
-    def _tree(self) -> Surface:
-        points, triangles = self._surface
-        return Surface(points.astype(np.float32), triangles)
-
-    @cached_property
     def _samples(self) -> Samples:
         """In the space of the low mesh."""
         to_local, some = np.linalg.inv(self.mesh.to_world), self.samples.spread(FITTED)
         points = some.points @ to_local[:3, :3].T + to_local[:3, 3]
         return replace(some, points=points, normals=unit(some.normals @ self.mesh.to_world[:3, :3]))
-
-    def _moved(self, coarse: Charted, on_line: np.ndarray) -> np.ndarray:
-        """The UVs (T, 3, K) of a coarser mesh, moved to those of the nearest places on the low mesh where no line is."""
-        points, triangles = self._surface
-        nearest, where, _ = self._tree.closest(coarse.points.astype(np.float32))
-        shares = barycentric(where.astype(np.float64), points[triangles[nearest]])
-        there = np.einsum("nc,ncx->nx", shares, self._charted.values[nearest])[coarse.triangles.reshape(-1)]
-        flat, corners = coarse.values.reshape(there.shape), np.arange(len(there)).reshape(-1, 3)
-        pairs = [slice(2 * layer, 2 * layer + 2) for layer in range(coarse.layers)]
-        moved = (
-            coarser_uvs.moved_uvs(flat[:, pair], there[:, pair], coarse.triangles.reshape(-1), corners, on_line)
-            for pair in pairs
-        )
-        return np.concatenate(list(moved), axis=1).reshape(coarse.values.shape)
 
     def _slid(self, coarse: Charted) -> Charted:
         """A coarser mesh with its vertices along the surface where the low mesh has them in the layout: texels show their own
