@@ -25,6 +25,7 @@ from ..core.report import Report
 from ..core.sentences import NOTE, Sentence
 from ..core.settings import Settings
 from ..core.simplify import LEAST, Candidate, Search
+from ..engine import normal_space
 from ..output import datablocks
 from ..output.atomic_file import all_or_none
 from ..scene import evaluation, mesh_reader
@@ -343,7 +344,7 @@ class _Making:
     ) -> Task[None]:
         """Give a low object and its levels normals that differ as little as can be between them, if the levels look better with
         the map that counts from these. levels: their meshes."""
-        before = yield from part(self._errors(lows), 0.0, 0.5)
+        texels, before = yield from part(self._errors(lows), 0.0, 0.4)
         if not before:
             return
         meshes = [low.obj.data for low in lows]
@@ -352,23 +353,48 @@ class _Making:
         source.give(meshes[0], common)
         for level, normals in zip(levels, others, strict=True):
             shared_levels.set_normals(level.data, normals)
-        after = yield from part(self._errors(lows), 0.5, 1.0)
+        other_texels, after = yield from part(self._errors(lows), 0.4, 0.8)
         ratios = np.maximum(after or [np.inf], STORED) / np.maximum(before, STORED)
         if ratios[0] > WORSE or ratios.mean() > BETTER:
             for mesh, normals in zip(meshes, own, strict=True):
                 shared_levels.set_normals(mesh, normals)
+        else:
+            texels, before = other_texels, after
+        yield from part(self._with_fitted_normals(lows, source, levels, texels, before), 0.8, 1.0)
 
-    def _errors(self, lows: Sequence[Low]) -> Task[list[float]]:
-        """The mean shading errors of a low object and its levels with its normal map, quickly; empty if that shows nothing."""
+    def _with_fitted_normals(
+        self,
+        lows: Sequence[Low],
+        source: LayoutSource,
+        levels: Sequence[SharedLevel],
+        texels: np.ndarray,
+        errors: Sequence[float],
+    ) -> Task[None]:
+        """Give levels normals with which they show what the low object shows with its map, where that looks better. texels,
+        errors: from `_errors`."""
+        normals = (2.0 * texels[..., :3] - 1.0) @ normal_space.channels(self.settings.map).astype(np.float32)
+        for done, (low, level, error) in enumerate(zip(lows[1:], levels, errors[1:], strict=True)):
+            known = shared_levels.custom_normals(level.data)
+            source.fit_normals(lows[0].obj.data, level, normals)
+            ends = (share / len(levels) for share in (done, done + 1))
+            seen = yield from part(self.judge.with_map(low.obj, texels, is_quick=True), *ends)
+            if seen is None or seen.mean >= error:
+                shared_levels.set_normals(level.data, known)
+
+    def _errors(self, lows: Sequence[Low]) -> Task[tuple[np.ndarray, list[float]]]:
+        """The normal map of a low object, quickly, and the mean shading errors of it and its levels with that; empty if it
+        shows nothing."""
         texels = yield from part(self.judge.normal_map(lows[0].obj), 0.0, 0.5)
-        errors = []
-        for done, low in enumerate(lows if texels is not None else ()):
+        errors = list[float]()
+        if texels is None:
+            return np.zeros((0, 0, 4), np.float32), errors
+        for done, low in enumerate(lows):
             ends = (0.5 + 0.5 * share / len(lows) for share in (done, done + 1))
             seen = yield from part(self.judge.with_map(low.obj, texels, is_quick=True), *ends)
             if seen is None:
-                return []
+                return texels, []
             errors.append(seen.mean)
-        return errors
+        return texels, errors
 
     def _shared(
         self, source: LayoutSource, limit: Wanted, texels: np.ndarray | None, timings: Timings

@@ -29,6 +29,10 @@ GRADIENT_STEPS = 80
 """Of conjugate gradients, at most."""
 KEPT = 0.1
 """How much the squares of changes of the finest mesh's normals count, against those of differences between it and a level."""
+FARTHEST_TURN = 60.0
+"""The degrees between what a level shows at a place and what it should, above which its normals do not turn for it."""
+LEAST_COSINE = 0.2
+"""The least cosine between a fitted normal and its face."""
 OFF = 1e-3
 """How far a place may lie from a level in the layout: what is farther, the level does not show."""
 
@@ -108,6 +112,88 @@ def common_normals(meshes: Sequence[LaidOut]) -> list[np.ndarray]:
 
     found = unit(_solved(product, right, diagonal[:, None], start))
     return [found[wedges] for wedges in numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class Framed:
+    """A mesh that shows a normal map in tangent space.
+
+    Attributes:
+        corners: (T, 3, 3).
+        normals: (T, 3, 3), at its corners.
+        tangents: (T, 3, 4), w the sign of the bitangent.
+        uv: (T, 3, 2).
+    """
+
+    corners: np.ndarray
+    normals: np.ndarray
+    tangents: np.ndarray
+    uv: np.ndarray
+
+    def shown(self, texels: np.ndarray, which: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The normals (N, 3) that it shows, and its own (N, 3), at places on triangles (N,) with barycentric coordinates (N,
+        3).
+
+        texels: (rows, columns, 3), the normals of a map in tangent space, from the lowest row.
+        """
+        normals, tangents, uv = (
+            np.einsum("nc,ncx->nx", shares, each[which]) for each in (self.normals, self.tangents, self.uv)
+        )
+        signs = self.tangents[which, 0, 3:]
+        x, y, z = (part[:, None] for part in _between(texels, uv).T)
+        bitangents = signs * np.cross(normals, tangents[:, :3])
+        return unit(x * tangents[:, :3] + y * bitangents + z * normals), unit(normals)
+
+
+def _between(texels: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """The values (N, K) of texels (rows, columns, K) at UVs (N, 2), between the middles of four."""
+    last = np.array(texels.shape[1::-1]) - 1
+    places = uv * (last + 1) - 0.5
+    low = np.floor(places)
+    share = (places - low)[:, :, None]
+    (left, bottom), (right, top) = (np.clip(low + step, 0, last).astype(np.int64).T for step in (0, 1))
+    below, above = ((1.0 - share[:, 0]) * texels[row, left] + share[:, 0] * texels[row, right] for row in (bottom, top))
+    return (1.0 - share[:, 1]) * below + share[:, 1] * above
+
+
+def fitted_normals(fine: Framed, level: Framed, wedges: np.ndarray, texels: np.ndarray) -> np.ndarray:
+    """Normals (T, 3, 3) of a level with which it shows what a finer mesh shows with the same map at the nearest places.
+
+    Each place turns the level's own normal by the least turn from what it shows to what it should; the normals of wedges are
+    the least squares of these. Turns of more than FARTHEST_TURN are left out: the texel is of another place. Tried, on a
+    chess piece of 3,000 triangles at 1,500, 750 and 375: 1.87, 3.58 and 6.43 degrees become 1.81, 3.44 and 6.26, on a helmet
+    7.06, 12.5 and 21.6 become 6.80, 11.9 and 20.0; a second round changes them by less than 1 %.
+
+    Args:
+        fine: the finer mesh, in the same space.
+        level: the level as it is.
+        wedges: (T, 3) int, of its corners: those of one wedge have one normal.
+        texels: (rows, columns, 3), as `Framed.shown` takes them.
+    """
+    which, shares = np.repeat(np.arange(len(fine.corners)), len(INNER)), np.tile(INNER, (len(fine.corners), 1))
+    wanted, _ = fine.shown(texels, which, shares)
+    nearest, there, _ = found_on(level.corners, np.einsum("nc,ncx->nx", shares, fine.corners[which]))
+    faces, fine_faces = unit_normals(level.corners)[0], unit_normals(fine.corners)[0]
+    shown, own = level.shown(texels, nearest, there)
+    cosines = (shown * wanted).sum(axis=1, keepdims=True)
+    across = np.cross(shown, wanted)
+    turned = cosines * own + np.cross(across, own)
+    turned += across * (across * own).sum(axis=1, keepdims=True) / np.maximum(1.0 + cosines, 1e-3)
+    is_near = cosines[:, 0] > np.cos(np.radians(FARTHEST_TURN))
+    is_near &= (faces[nearest] * fine_faces[which]).sum(axis=1) > SAME_SIDE_COSINE
+    used, numbers = numbered(wedges)
+    numbers, count = numbers.reshape(-1, 3), len(used)
+    weights = face_areas(fine.corners)[which] + 1e-30
+    rows = _Differences(numbers[nearest[is_near]], there[is_near], weights[is_near])
+    start = np.zeros((count, 3))
+    start[numbers.reshape(-1)] = level.normals.reshape(-1, 3)
+    diagonal = rows.diagonal(count)[:, None]
+    pull = KEPT * diagonal.mean() + 1e-30
+    right = rows.gathered(turned[is_near], count) + pull * start
+    found = _solved(lambda values: rows.product(values, count) + pull * values, right, diagonal + pull, start)
+    found = unit(found)[numbers]
+    is_good = (found * faces[:, None]).sum(axis=2, keepdims=True) > LEAST_COSINE
+    return np.where(is_good, found, level.normals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ from addon.core.sentences import NOTE, Sentence
 from addon.core.settings import Settings
 from addon.jobs import asset, temporary
 from addon.jobs.job import Job
-from addon.jobs.simplify import appearance_judge, high_surface, low_meshes, quad_meshes
+from addon.jobs.simplify import appearance_judge, high_surface, low_meshes, quad_meshes, shared_levels
+from addon.jobs.simplify.shared_levels import LayoutSource
 from addon.mesh import folds, topology, welding
 from addon.mesh.closest import Surface
 from addon.mesh.topology import EdgeTable
@@ -457,6 +458,21 @@ def test_common_normals_are_taken_if_levels_look_better_with_them(monkeypatch, b
         points, triangles = arrays(low)
         normals = mesh_reader.corner_normals(low.data).reshape(-1, 3)
         assert (normals * points[triangles.reshape(-1)]).sum(axis=1).min() > np.cos(np.radians(15.0))
+
+
+def test_fitted_normals_are_taken_if_levels_look_better_with_them(monkeypatch):
+    """Here, not those of a level that would lean to one side."""
+
+    def lean(_source, _data, level, _texels):
+        normals = mesh_reader.corner_normals(level.data) + [0.0, 0.0, 0.7]
+        shared_levels.set_normals(level.data, normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+    monkeypatch.setattr(LayoutSource, "fit_normals", lean)
+    finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=1), SHARP))
+    level = bpy.data.objects["Ball_low_LOD1"]
+    points, triangles = arrays(level)
+    normals = mesh_reader.corner_normals(level.data).reshape(-1, 3)
+    assert (normals * points[triangles.reshape(-1)]).sum(axis=1).min() > np.cos(np.radians(15.0))
 
 
 def squares(name="Squares", heights=(0.0, 1.0)):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.mesh.carried_normals import INNER, KEPT, LaidOut, carried_normals, common_normals
+from addon.mesh.carried_normals import INNER, KEPT, Framed, LaidOut, carried_normals, common_normals, fitted_normals
 from addon.mesh.collapse import CollapseOptions
 from addon.mesh.layout_collapse import LEAST_UV_AREA, Charted, LayoutState, collapse_layout
 from addon.mesh.topology import EdgeTable
@@ -444,3 +444,43 @@ def test_what_a_level_does_not_show_keeps_its_normals():
     count = len(fine.wedges)
     found = common_normals([two, flat])[0]
     assert found[count:] == pytest.approx(fine.normals, abs=1e-6)
+
+
+def framed(normals, n=4):
+    """A flat grid with normals (T, 3, 3), whose layout is itself from 0 to 1, and its wedges."""
+    points, triangles = grid(n)
+    tangents = np.cross([0.0, 1.0, 0.0], normals)
+    signs = np.ones((*normals.shape[:2], 1))
+    uv = 0.5 + 0.5 * points[triangles][..., :2]
+    return Framed(points[triangles], normals, np.concatenate([unit(tangents), signs], axis=2), uv), triangles
+
+
+TEXELS = np.array([[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]], [[0.0, 0.6, 0.8], [0.6, 0.0, 0.8]]])
+
+
+def test_a_map_shows_what_lies_between_its_texels():
+    mesh, _ = framed(np.broadcast_to([0.0, 0.0, 1.0], (32, 3, 3)))
+    which, shares = np.repeat(np.arange(32), 4), np.tile(INNER, (32, 1))
+    shown, own = mesh.shown(TEXELS, which, shares)
+    u, v = np.clip(2.0 * np.einsum("nc,ncx->nx", shares, mesh.uv[which]) - 0.5, 0.0, 1.0).T[..., None]
+    expected = (1 - v) * ((1 - u) * TEXELS[0, 0] + u * TEXELS[0, 1]) + v * ((1 - u) * TEXELS[1, 0] + u * TEXELS[1, 1])
+    assert shown == pytest.approx(unit(expected), abs=1e-9) and (own == [0.0, 0.0, 1.0]).all()
+
+
+@pytest.mark.parametrize(("degrees", "is_fitted"), [(20.0, True), (90.0, False)])
+def test_fitted_normals_show_what_the_finer_mesh_does(degrees, is_fitted):
+    """Those of a level that leans. What it shows is as far off, and if that is too far, its texels are of other places."""
+    fine, _ = framed(np.broadcast_to([0.0, 0.0, 1.0], (32, 3, 3)))
+    leaning = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+    level, wedges = framed(np.broadcast_to(leaning, (32, 3, 3)))
+    found = fitted_normals(fine, level, wedges, TEXELS)
+    left = np.degrees(np.arccos(found[..., 2]))
+    assert left.mean() < 3.0 if is_fitted else np.array_equal(found, level.normals)
+
+
+def test_fitted_normals_are_not_those_of_the_other_side():
+    """Of a wall without thickness, whose sides are in the same places."""
+    up = np.broadcast_to([0.0, 0.0, 1.0], (32, 3, 3))
+    (front, wedges), (back, _) = framed(up), framed(unit(up + [0.3, 0.0, 0.0]))
+    turned = Framed(back.corners[:, ::-1], -back.normals, back.tangents, back.uv)
+    assert fitted_normals(turned, front, wedges, TEXELS) == pytest.approx(up)

@@ -14,7 +14,15 @@ import numpy as np
 
 from ...core import foreach
 from ...mesh import fitting, topology
-from ...mesh.carried_normals import INNER, LaidOut, carried_normals, common_normals, found_on
+from ...mesh.carried_normals import (
+    INNER,
+    Framed,
+    LaidOut,
+    carried_normals,
+    common_normals,
+    fitted_normals,
+    found_on,
+)
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
@@ -124,6 +132,22 @@ class LayoutSource:
         faces = unit_normals(points[triangles])[0][:, None]
         is_near = (found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE
         return [np.where(is_near, found, self._normals), *of_levels]
+
+    def fit_normals(self, data: bpy.types.Mesh, level: "SharedLevel", texels: np.ndarray) -> None:
+        """Give a level the normals with which it shows most of what the low mesh, whose `data` has its normals, shows with a
+        map.
+
+        texels: (rows, columns, 3), as Framed.shown takes them.
+        """
+        fine, own = self._framed(data), self._framed(level.data)
+        if len(own.corners) == len(level.charted.triangles):  # none is left out for its values
+            set_normals(level.data, fitted_normals(fine, own, level.charted.wedges, texels))
+
+    def _framed(self, data: bpy.types.Mesh) -> Framed:
+        mesh = mesh_reader.with_tangents(data, self.mesh.layer, self.mesh.name, self.mesh.to_world)
+        corners, at = mesh.positions[mesh.vertices[mesh.triangles]], mesh.triangles
+        values = corners, mesh.normals[at], mesh.tangents[at], mesh.uv[at]
+        return Framed(*(each.astype(np.float64) for each in values))
 
     def carried_to(self, coarse: Charted, normals: np.ndarray) -> np.ndarray:
         """The normals (N, 3, 3) of a level, as near as they can be to those (T, 3, 3) of the low mesh."""
