@@ -172,9 +172,11 @@ def _kept_low(options: argparse.Namespace, job: Job) -> list[str]:
     is_known = bool(options.low) or (wanted.is_count_given and count == wanted.triangles)
     if is_known and not (is_other or unused):
         return []
-    why, cure = (
-        ("named as the low mesh", "Leave out --low") if options.low else ("there already", "Rename or remove it")
-    )
+    from ..jobs import asset  # likewise
+
+    is_found = asset.known_low(bpy.context, job.highs, options.suffixes) == job.low  # without --low, too
+    why = "named as the low mesh" if options.low else "there already"
+    cure = "Rename or remove it" if is_found else "Leave out --low"
     text = f"{job.low.name!r} is {why} and has {count:,} triangles{f', not {wanted.triangles:,}' if is_other else ''}: it is "
     text += f"baked as it is. {cure} to have a low mesh made."
     return [f"{text} {' and '.join(unused)} changed nothing." if unused else text]

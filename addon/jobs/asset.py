@@ -152,7 +152,7 @@ def work(
         numbered = enumerate(zip(reports, lows, strict=True))
         reports = [report.with_warnings(_broken(report, low, reports[0], level)) for level, (report, low) in numbered]
         reports[0] = reports[0].with_warnings(
-            [*notes, *_ended(lows, wanted), *_not_done(lows[0], high), *_staying(lows[0], high)]
+            [*notes, *_ended(lows, wanted), *_not_done(lows[0], high, settings), *_staying(lows[0], high)]
         )
         for low in lows[1:]:
             low.obj.hide_set(True)  # it lies in the first one
@@ -647,12 +647,16 @@ def _ended(lows: Sequence[Low], wanted: Wanted) -> list[str]:
     ]
 
 
-def _not_done(low: Low, high: HighSurface | None) -> list[str]:
+def _not_done(low: Low, high: HighSurface | None, settings: Settings) -> list[str]:
     """A sentence for each option that has no effect, or a bad one."""
     sentences = []
     asked = {"Stack Mirrored": low.wanted.stacks_mirrored, "Density Group": low.wanted.density_group}
     for label in (label for label, is_set in asked.items() if is_set and not low.how.unwrapped):
         sentences.append(f"{label} changes no UV map that is there: remove that of {low.obj.name!r} to get one.")
+    if low.how.unwrapped and settings.tracing.method == Method.FLATTEN:
+        sentences.append(
+            f"Flatten is for UVs that the high mesh has, and those of {low.obj.name!r} are new: rays were cast."
+        )
     if high is not None and low.how.is_made and high.loses_planes:
         sentences.append(
             f"{low.obj.name!r} equals its mirror image, and its flat sides are not kept exactly: set Symmetry to None for flat "

@@ -12,6 +12,7 @@ from addon.cli import arguments, command, scene_jobs
 from addon.cli.commands import WrongUsage
 from addon.cli.scene_files import SceneLoader
 from addon.core.asset_limits import HowMade, Wanted
+from addon.core.settings import Settings
 from addon.jobs import asset
 from tests.support import quick_assets, scenes, zoo
 
@@ -30,6 +31,7 @@ def folder(tmp_path, monkeypatch):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     zoo.ball("rock_low", 4)
     zoo.ball("rock_high", 8)
+    zoo.ball("plain", 4)
     scenes.save(tmp_path / "rock.blend")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return tmp_path
@@ -65,10 +67,14 @@ def test_a_low_mesh_that_is_there_stays_flat(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--high", "rock_high"], "is there already and has {}: it is baked"),
+        ([], "is there already and has {}: it is baked"),
         (["--triangles", "30"], "is there already and has {}, not 30: it is baked as it is. Rename or remove it"),
-        (["--low", "rock_low", "--triangles", "30"], "is named as the low mesh and has {}, not 30: it is baked as"),
-        (["--low", "rock_low", "--triangles", "30", "--degrees", "9"], "not 30: it is baked as it is. Leave out --low"),
+        (
+            ["--low", "rock_low", "--triangles", "30"],
+            "is named as the low mesh and has {}, not 30: it is baked as it is. Re",
+        ),
+        (["--low", "plain", "--triangles", "30"], "not 30: it is baked as it is. Leave out --low to"),
+        (["--low", "rock_low", "--triangles", "30", "--degrees", "9"], "not 30: it is baked as it is. Rename"),
         (["--low", "rock_low", "--triangles", "9999", "--degrees", "9"], ""),
         (["--low", "rock_low", "--quads"], "made. --quads changed nothing."),
         (["--low", "rock_low", "--crumbs", "3"], "made. --crumbs, --holes and --symmetry changed nothing."),
@@ -76,9 +82,9 @@ def test_a_low_mesh_that_is_there_stays_flat(folder):
     ],
 )
 def test_a_low_mesh_that_is_there_is_named(folder, words, said):
-    job, notes, _ = opened("rock.blend", *words)
+    job, notes, _ = opened("rock.blend", "--high", "rock_high", *words)
     count = f"{sum(len(face.vertices) - 2 for face in job.low.data.polygons)} triangles"
-    assert job.low.name == "rock_low"
+    assert job.low.name == (words[1] if "--low" in words else "rock_low")
     assert len(notes) == bool(said) and said.format(count) in "".join(notes)
 
 
@@ -86,6 +92,15 @@ def test_a_low_mesh_that_is_there_is_named(folder, words, said):
 def test_a_mesh_that_is_kept_takes_no_options_of_making(more):
     with pytest.raises(WrongUsage, match=f"--keep keeps all triangles: leave out .*{more[0]}"):
         arguments.read_asset(["first.ply", "--keep", *more, *EXPORT], "imprint asset")
+
+
+@pytest.mark.parametrize(
+    ("unwrapped", "method"), [("new", "FLATTEN"), ("", "FLATTEN"), ("new", "CAST"), ("new", "AUTO")]
+)
+def test_a_method_that_new_uvs_cannot_have_is_named(unwrapped, method):
+    low = asset.Low(SimpleNamespace(name="rock_low"), Wanted(), HowMade(is_made=True, unwrapped=unwrapped))
+    said = asset._not_done(low, None, Settings(method=method))
+    assert len(said) == (unwrapped == "new" and method == "FLATTEN") and all("rays were cast" in each for each in said)
 
 
 @pytest.mark.parametrize("is_made", [True, False])
