@@ -35,6 +35,7 @@ RENDERED = {
     "start": near_layers.start,
     "plate": map_pictures.plate,
     "maps": map_pictures.heads,
+    "gallery-asset": map_pictures.asset,
     "map-settings": map_pictures.settings,
     "terrain": pages.terrain,
     "extension": pages.extension,

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
+from scripts import demo
 from scripts.dev.manual import faults, models
 
 Picture = tuple[str, np.ndarray]
 PLATE_MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
 HEAD_MAPS = ("AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ROUGHNESS")
-SHEET_SIZE, GALLERY_SIZE, PAIR_SIZE = (1500, 780), (1920, 1080), (760, 420)
+SHEET_SIZE, GALLERY_SIZE, PAIR_SIZE, ASSET_SIZE = (1500, 780), (1920, 1080), (760, 420), (1920, 560)
+ASSET_TRIANGLES = 2000
 SPACING = 2.9
 """Between the middles of two heads."""
 EDGE = 0.4
@@ -95,6 +97,38 @@ def settings() -> Iterator[Picture]:
             _place(head, words, ((number - 0.5) * SPACING, 0, 0.1))
         low.hide_render = high.hide_render = True
         yield picture, _picture(PAIR_SIZE, 2 * SPACING)
+    models.clear()
+
+
+def asset() -> Iterator[Picture]:
+    """docs/extension/: the mossy head alone, the low mesh of Make Game Asset, its normal map, and all its maps."""
+    models.clear()
+    high, given = models.monkeys(levels=4)
+    bpy.data.objects.remove(given)
+    _grow_moss(high)
+    wanted = bpy.context.scene.imprint
+    wanted.asset_triangles, wanted.asset_degrees, wanted.width, wanted.height = str(ASSET_TRIANGLES), "", 2048, 2048
+    wanted.maps, wanted.connect_maps = {"AO", "BASE_COLOR", "ROUGHNESS"}, True
+    high.select_set(True)
+    bpy.context.view_layer.objects.active = high
+    bpy.ops.imprint.make_asset()
+    low = bpy.data.objects["monkey_low"]
+    image = next(each.name for each in bpy.data.images if each.name.endswith("_normal"))
+    bare = _copy(low, models.material("bare"))
+    edges = _copy(low, models.material("edges", models.NIGHT))
+    wires = edges.modifiers.new("Wireframe", "WIREFRAME")
+    wires.thickness, wires.offset = 0.006, 1.0
+    shown = {
+        f"Sculpt: {demo.count_triangles(high):,} triangles": [high],
+        f"Make Game Asset: {demo.count_triangles(low):,}": [bare, edges],
+        "Normal map": [_wearing(low, image)],
+        "With all maps": [_dressed(low)],
+    }
+    low.hide_render = True
+    for column, (words, heads) in enumerate(shown.items()):
+        for number, head in enumerate(heads):
+            _place(head, words if not number else "", ((column - 1.5) * SPACING, 0, 0.2))
+    yield "../extension/gallery-asset.jpg", _picture(ASSET_SIZE, 4 * SPACING)
     models.clear()
 
 
