@@ -12,7 +12,6 @@ from scripts.dev.manual import models
 
 Picture = tuple[str, np.ndarray]
 TERRAIN_SIZE = (1500, 435)
-ASSET_SIZE, ASSET_TRIANGLES = (1920, 800), 2000
 FEATURE_SIZE = (1920, 1080)
 ICON = 256
 
