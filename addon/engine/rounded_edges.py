@@ -107,7 +107,12 @@ def check_radius(meshes: Meshes, radius: float, length: Length) -> None:
 
 def notes(meshes: Meshes, settings: Settings) -> list[str]:
     """A sentence if edges are to be rounded and none is hard. meshes: as they were drawn."""
-    if not settings.map.edge_radius or any(_parts_of(high, meshes.repeat) is not None for high in meshes.highs):
+    if not settings.map.edge_radius or has_hard_edges(meshes):
         return []
     names = shorten_list(repr(high.name) for high in meshes.listed_highs)
     return [f"Edge Radius rounds nothing: no edge of {names} is hard. Mark edges sharp, or shade faces flat."]
+
+
+def has_hard_edges(meshes: Meshes) -> bool:
+    """Whether an edge of the high meshes is hard, so that there is something to round."""
+    return any(_parts_of(high, meshes.repeat) is not None for high in meshes.highs)

@@ -15,10 +15,11 @@ import numpy as np
 
 from ..core import versions
 from ..core.contents import short
-from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
+from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain, Wrap
 from ..core.map_types import BY_NAME, Family, Kind, Labeled, Range
 from ..core.material_feeds import ExactFeed, HighMaterial, ImageFeed
 from ..core.settings import Settings, StorageSettings
+from ..engine import rounded_edges
 from ..mesh.cutouts import KEY
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -147,7 +148,10 @@ def of_read(request: Request, meshes: Meshes, others: "Sequence[Other] | None" =
     sockets = {BY_NAME[name].socket for name in settings.map.drawn_maps}
     for material in meshes.materials:
         _add(pieces, MATERIAL, material.name, _of_material(material, sockets))
-    for name, value in deciding(settings).items():
+    values = deciding(settings)
+    if settings.map.edge_radius and settings.sampling.wrap == Wrap.NONE and not rounded_edges.has_hard_edges(meshes):
+        values["edge_radius"] = 0.0  # it rounds nothing
+    for name, value in values.items():
         if name not in _SIZES:
             pieces[f"{SETTING}:{name}"] = short(value)
     pieces[f"{CODE}:"] = versions.code()[:16]

@@ -485,6 +485,19 @@ def test_settings_that_decide(name, value):
     assert f"the setting {DECLARED[name].label}" in found(job, Settings(**settings.flat() | {name: value}))
 
 
+@pytest.mark.parametrize("is_hard", [False, True])
+@pytest.mark.parametrize("wrap", ["NONE", "U"])
+def test_an_edge_radius_counts_if_an_edge_is_hard(wrap, is_hard):
+    """Where tiles repeat, it counts always: edges may be hard between them."""
+    job, settings = pair(), Settings(**SAME, wrap=wrap)
+    data = job.highs[0].data
+    data.polygons.foreach_set("use_smooth", np.full(len(data.polygons), not is_hard))
+    bake(job, settings)
+    rounded = Settings(**settings.flat() | {"edge_radius": 0.05})
+    changes = found(job, rounded)
+    assert changes == (["the setting Edge Radius"] if is_hard or wrap != "NONE" else [])
+
+
 @pytest.mark.parametrize("maps", [(), ("AO",), ("BASE_COLOR", "METALLIC"), ("MATERIAL_ID", "ROUGHNESS")])
 @pytest.mark.parametrize("slots", [0, 1])
 def test_the_material_that_a_bake_makes_is_no_change(slots, maps):
