@@ -40,7 +40,8 @@ def _opened(options: argparse.Namespace, loader: SceneLoader) -> tuple[list[Job]
     if options.file:
         loader.open(options.file, Space(options.origin))
     elif not bpy.data.filepath:
-        raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
+        others = "" if options.asset else ", or mesh files with --low-file and --high-file"
+        raise BakeError(f"There is no scene to bake: give a FILE{others}.")
     else:
         loader.take()
     loader.choose(options.scene)

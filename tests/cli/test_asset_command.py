@@ -104,6 +104,11 @@ def test_wrong_usage(folder, capfd, more, text):
     assert files(folder) == ["ball.blend"]
 
 
+def test_without_a_file_no_option_is_named_that_it_refuses(folder, capfd):
+    assert command.run([ASSET[0], *ASSET[2:], "--high", "Ball"]) == 1
+    assert "There is no scene to bake: give a FILE." in capfd.readouterr().err
+
+
 def test_without_a_place_for_the_result(folder, capfd):
     assert command.run(ASSET[:-2]) == 2
     assert "--export or --output is required" in capfd.readouterr().err
