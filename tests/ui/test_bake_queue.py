@@ -397,7 +397,7 @@ def test_undo_does_not_take_results(file, tmp_path):
     assert bpy.data.objects["rope_low"].imprint.baked >= baked
 
 
-MOMENTS = 30
+MOMENTS = 15
 LOWS = ("crate_low", "lid_low", "lock_low", "rope_low")
 
 
