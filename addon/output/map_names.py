@@ -52,7 +52,9 @@ def output_for(settings: Settings) -> str:
     """
     if settings.storing.storage != Storage.FILE:
         return ""
-    path = settings.storing.output + (open_endings(settings) or [""])[0]
+    path = settings.storing.output
+    if endings := open_endings(settings):
+        path = with_ending(path, endings[0])
     if settings.sampling.udim and TOKEN not in path:
         ending = PurePath(path).suffix
         path = f"{path.removesuffix(ending)}.{TOKEN}{ending}"
@@ -174,7 +176,7 @@ def stored_maps(map_settings: MapSettings) -> dict[str, MapType]:
 def settings_by_map(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake writes, by the map's name."""
     if endings := open_endings(settings):
-        settings = settings.stored(output=settings.storing.output + endings[0])
+        settings = settings.stored(output=with_ending(settings.storing.output, endings[0]))
     return {
         name: _of_map(settings, map_type) if map_type is NORMAL else beside(settings, map_type)
         for name, map_type in stored_maps(settings.map).items()

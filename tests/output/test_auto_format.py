@@ -172,6 +172,7 @@ def test_an_open_ending_takes_the_smallest_of_all(tmp_path):
 
 OPEN_ENDINGS = [
     ({}, ["m.png", "m.webp"]),
+    ({"output": "m."}, ["m.png", "m.webp"]),
     ({"targets": ("unity",)}, ["m.png"]),
     ({"targets": ("godot", "three")}, ["m.png", "m.webp"]),
     ({"alpha": False}, ["m.png", "m.webp", "m.jpg"]),
