@@ -8,8 +8,10 @@ where the shape is free. Parts are taken for a few rows of the strip at a time, 
 Tried, for a shape of 80 rows in 512 cells: an "or" for each part 80 us, a gather of all parts and one "or" 13 us.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import ceil
 
 import numpy as np
 
@@ -45,9 +47,17 @@ class Runs:
         """With the columns in reverse. wide (I,) int: the columns of each shape."""
         return replace(self, column=wide[self.owner] - self.column - self.length)
 
+    @classmethod
+    def together(cls, runs: Sequence["Runs"], count: int) -> "Runs":
+        """Those of several times so many shapes."""
+        owner = np.concatenate([each.owner + count * k for k, each in enumerate(runs)])
+        return cls(
+            owner, *(np.concatenate([getattr(each, name) for each in runs]) for name in ("row", "column", "length"))
+        )
+
 
 class Shapes:
-    """Shapes of cells in one direction.
+    """Shapes of cells.
 
     sizes (I, 2) int: the cells of each along u and v. cells (I,) int: how many it has. centers (I,): the mean row. parts:
     where the bytes start that tell what a shape would lie on, for those from cuts[i] to cuts[i + 1] of shape i.
@@ -92,25 +102,25 @@ class Strip:
         self._table, self._each = np.zeros(powers * 8 * each + 2 * self.wide, np.uint8), each
         self._moved = self._table[: powers * 8 * each].reshape(powers, 8, each)
         self._parts = np.lib.stride_tricks.as_strided(self._table, (powers * 8 * each, each), (1, 1), writeable=False)
-        self._outside: dict[int, np.ndarray] = {}
+        self._top = 0  # the first row from which on all are free
 
     def first_free(self, shapes: Shapes, shape: int, limit: float) -> tuple[int, int] | None:
         """The first cell (along u and v) of the lowest place where the shape is free, in the rows below a limit."""
         width, height = shapes.sizes[shape].tolist()
-        rows = int(min(self.rows - height + 1, np.ceil(limit)))
+        rows = min(self.rows - height + 1, ceil(limit), self._top + 1)
         if width > self.side or rows <= 0:
             return None
         parts = shapes.parts[shapes.cuts[shape] : shapes.cuts[shape + 1]]
-        outside = self._too_far(width)
         over = self._over(parts[:FEW], 0, rows)
-        over |= outside
-        is_free = (over != 255).any(axis=1)
+        over |= _too_far(self.wide, self.side, width)
+        is_free = (over != 255).reshape(-1)
         row = 0
         while row < rows:
-            step = int(is_free[row:].argmax())
-            row += step
-            if not is_free[row]:
+            start = row * self.wide
+            step = int(is_free[start:].argmax())
+            if not is_free[start + step]:
                 return None
+            row += step // self.wide
             last = min(row + WINDOW, rows)
             here = over[row:last]
             if len(parts) > FEW:
@@ -128,12 +138,6 @@ class Strip:
         """What parts of a shape would lie on in rows of the strip."""
         length = (last - first) * self.wide
         return np.bitwise_or.reduce(self._parts[:, :length][parts + first * self.wide], axis=0).reshape(-1, self.wide)
-
-    def _too_far(self, width: int) -> np.ndarray:
-        """The cells of a row where a shape of this width cannot start."""
-        if width not in self._outside:
-            self._outside[width] = np.packbits(np.arange(8 * self.wide) > self.side - width, bitorder="little")
-        return self._outside[width]
 
     def add(self, shapes: Shapes, shape: int, column: int, row: int) -> None:
         """Take the cells of a shape whose first cell is given, and the gap around them."""
@@ -160,6 +164,7 @@ class Strip:
     def _take(self, taken: np.ndarray, row: int) -> None:
         """Take the cells whose bits are set in rows of bytes (R, B) uint8 from a row on."""
         wide = self.wide
+        self._top = max(self._top, row + len(taken))
         begin, end = row * wide, (row + len(taken)) * wide  # what is beyond a row's end counts for no shape
         self._moved[0, 0, begin:end] |= taken.reshape(-1)
         for k in range(1, len(self._moved)):
@@ -174,6 +179,12 @@ class Strip:
         np.right_shift(
             pairs[:, None], np.arange(1, 8, dtype=np.uint16)[:, None], self._moved[:, 1:, begin:end], casting="unsafe"
         )
+
+
+@cache
+def _too_far(wide: int, side: int, width: int) -> np.ndarray:
+    """The cells of a row of so many bytes where a shape of this width cannot start, if the strip has so many cells a row."""
+    return np.packbits(np.arange(8 * wide) > side - width, bitorder="little")
 
 
 @cache
@@ -229,6 +240,18 @@ class Outlines:
         ends, layers = np.concatenate([ends, np.stack([alone, alone], axis=1)]), np.append(np.abs(layers), 0 * alone)
         used, sides = topology.numbered(ends)
         return cls(flat[used], owner[used // 3], sides, layers)
+
+    @classmethod
+    def together(cls, outlines: Sequence["Outlines"]) -> "Outlines":
+        """Those of several, numbered one after the other."""
+        points = np.cumsum([0] + [len(each.points) for each in outlines]).tolist()
+        shapes = np.cumsum([0] + [int(each.of.max(initial=-1)) + 1 for each in outlines]).tolist()
+        return cls(
+            np.concatenate([each.points for each in outlines]),
+            np.concatenate([each.of + first for each, first in zip(outlines, shapes, strict=False)]),
+            np.concatenate([each.sides + first for each, first in zip(outlines, points, strict=False)]),
+            np.concatenate([each.layers for each in outlines]),
+        )
 
     def chosen(self, shapes: np.ndarray) -> "Outlines":
         """Those of the chosen shapes (I,) bool, numbered anew."""

@@ -20,7 +20,7 @@ import numpy as np
 from ..core.progress import Progress, Task, finish, part
 from . import topology, uv_cells
 from .triangles import checked
-from .uv_cells import Outlines, Shapes, Strip
+from .uv_cells import Outlines, Runs, Shapes, Strip
 
 QUICK_CELLS, CELLS = 256, 512
 """Cells a side, about: up to twice as many, so that the distance of two islands is a whole number of them. Fewer in a quick
@@ -243,20 +243,20 @@ class _Items:
 
 
 @dataclass(frozen=True, eq=False)
-class _Direction:
-    """Items turned and in cells: a point goes to matrix @ point + offsets[k] in the cells of the k-th shape.
+class _Turned:
+    """Items in all directions, in cells: a point goes to matrices[k] @ point + offsets[k] in the cells of the k-th shape.
 
     Attributes:
-        matrix: (2, 2).
+        matrices: (K, 2, 2).
         offsets: (K, 2).
-        shapes: of the cells that they touch.
-        shape_of: (N,) int, the shape of each item; -1 for none.
+        shapes: of the cells that they touch. The first ones are the items as they are.
+        of: the shapes of each item.
     """
 
-    matrix: np.ndarray
+    matrices: np.ndarray
     offsets: np.ndarray
     shapes: Shapes
-    shape_of: np.ndarray
+    of: list[list[int]]
 
 
 class _Search:
@@ -324,11 +324,11 @@ class _Search:
         for k in range(ORDERS):
             yield Progress("Packing UV islands", k / ORDERS)
             items = self._items(1.0 / self.cell, *WAYS[k % len(WAYS)])
-            directions = self._directions(items)
-            order = self._order(directions[0].shapes.cells, k)
-            _, places = self._place(directions, order, RULES[k % len(RULES)], self.side, taken)
+            turned = self._turned(items)
+            order = self._order(turned.shapes.cells[: len(turned.of)], k)
+            _, places = self._place(turned, order, RULES[k % len(RULES)], self.side, taken)
             if places:
-                return self.upright.then(self._found(items, directions, places))
+                return self.upright.then(self._found(items, turned, places))
             work += len(order)
             if work > WORK:
                 break
@@ -412,24 +412,22 @@ class _Search:
         most = min(ORDERS, len(RULES) * max(1, self.count * (self.count - 1)))
         if self.is_quick:
             most = QUICK_ORDERS if items.has_blocks else 1
-        directions, known = self._directions(items), set()
+        turned, known = self._turned(items), set()
         for k in range(most):
             yield Progress("Packing UV islands", 0.0)
             if k == 1 or (k and items.has_blocks):
                 before, items = items, self._items(size, *WAYS[k % len(WAYS)])
                 if before.has_blocks or items.has_blocks:  # else they are the same
-                    directions = self._directions(items)
-            order = self._order(directions[0].shapes.cells, k)
+                    turned = self._turned(items)
+            order = self._order(turned.shapes.cells[: len(turned.of)], k)
             way = (*order, k % len(RULES), k if items.has_blocks else 0)
             if way in known:  # few islands have few orders
                 continue
             known.add(way)
-            height, places = self._place(
-                directions, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side
-            )
+            height, places = self._place(turned, order, RULES[k % len(RULES)], self.side if k else STRIP * self.side)
             lowest, work = min(lowest, height), work + len(order)
             if height <= self.side:
-                return height, self._found(items, directions, places), work
+                return height, self._found(items, turned, places), work
             if work > PLACED:
                 break
         return lowest, None, work
@@ -465,87 +463,81 @@ class _Search:
             is_free = np.append(is_free, np.zeros(len(shapes), bool))
         return _Items(of, _Places(matrices, place), outlines, is_free, len(small) > 0)
 
-    def _directions(self, items: _Items) -> list[_Direction]:
+    def _turned(self, items: _Items) -> _Turned:
         """Items in all directions: each in four, turned by quarters, and the free ones in more."""
-        found = []
-        strip = self.side, int(STRIP * self.side)
         number = MORE_DIRECTIONS if self.count <= FEW and not self.is_quick else DIRECTIONS
-        for angle in (0.5 * np.pi * np.arange(number) / number).tolist():
-            is_here = items.is_free if angle else np.ones(len(items.is_free), bool)
-            if not is_here.any():
-                continue
-            (turn,), outlines = _rotations(np.array([angle])), items.outlines.chosen(is_here)
-            outlines = replace(outlines, points=_turned(outlines.points, angle))
-            least, most = outlines.boxes()
-            extent = most - least
-            sizes = np.clip(np.ceil(extent - 1e-6), 1, 2 * self.side).astype(np.int64)  # larger ones do not fit anyway
-            corner = least - 0.5 * np.maximum(sizes - extent, 0.0)  # as much place on one side as on the other
-            outlines = replace(outlines, points=outlines.points - corner[outlines.of])
-            runs = uv_cells.rasterize(outlines, sizes)
-            across = uv_cells.rasterize(replace(outlines, points=outlines.points[:, ::-1]), sizes[:, ::-1])
-            wide, high = sizes.T
-            is_box = np.bincount(runs.owner, runs.length, len(sizes)) == wide * high
-            none = np.zeros_like(wide)
-            aside, quarter = corner @ QUARTER.T, QUARTER @ turn
-            for matrix, offsets, cells, size, skipped in (
-                (turn, -corner, runs, sizes, none),
-                (quarter, np.stack([high, none], axis=1) - aside, across.mirrored(high), sizes[:, ::-1], none),
-                (-turn, corner + sizes, runs.upside_down(high).mirrored(wide), sizes, is_box),
-                (-quarter, np.stack([none, wide], axis=1) + aside, across.upside_down(wide), sizes[:, ::-1], is_box),
-            ):  # a box is the same when it is turned by half the circle
-                shape_of = np.full(len(is_here), -1)
-                shape_of[is_here] = np.where(skipped, -1, np.arange(len(sizes)))
-                found.append(_Direction(matrix, offsets, Shapes(size, cells, strip), shape_of))
-        return found
+        angles = (0.5 * np.pi * np.arange(number) / number).tolist()
+        some = items.outlines.chosen(items.is_free) if items.is_free.any() else None
+        given = [items.outlines, *([some] * (number - 1) if some is not None else [])]
+        turned = [replace(each, points=_turned(each.points, angle)) for each, angle in zip(given, angles, strict=False)]
+        outlines, free = Outlines.together(turned), np.flatnonzero(items.is_free)
+        item = np.concatenate([np.arange(len(items.is_free)), np.tile(free, len(given) - 1)])
+        turns = _rotations(np.repeat(angles[: len(given)], [int(each.of[-1]) + 1 for each in given]))
+        least, most = outlines.boxes()
+        extent = most - least
+        sizes = np.clip(np.ceil(extent - 1e-6), 1, 2 * self.side).astype(np.int64)  # larger ones do not fit anyway
+        corner = least - 0.5 * np.maximum(sizes - extent, 0.0)  # as much place on one side as on the other
+        outlines = replace(outlines, points=outlines.points - corner[outlines.of])
+        across, count = replace(outlines, points=outlines.points[:, ::-1]), len(sizes)
+        both = np.concatenate([sizes, sizes[:, ::-1]])
+        runs = uv_cells.rasterize(Outlines.together([outlines, across]), both)
+        # Mirrored along the diagonal and then along u is turned by a quarter.
+        runs = replace(runs, column=np.where(runs.owner < count, runs.column, runs.mirrored(both[:, 0]).column))
+        half = runs.upside_down(both[:, 1]).mirrored(both[:, 0])
+        shapes = Shapes(
+            np.tile(both, (2, 1)), Runs.together([runs, half], 2 * count), (self.side, int(STRIP * self.side))
+        )
+        (wide, high), none, aside = sizes.T, np.zeros(count, np.int64), corner @ QUARTER.T
+        quarter, three = np.stack([high, none], axis=1) - aside, np.stack([none, wide], axis=1) + aside
+        # A box is the same when it is turned by half the circle.
+        number = np.arange(4 * count).reshape(4, -1)
+        number[2:, shapes.cells[:count] == sizes.prod(axis=1)] = -1
+        of = np.split(number.T[np.argsort(item, kind="stable")].reshape(-1), np.cumsum(4 * np.bincount(item))[:-1])
+        return _Turned(
+            np.concatenate([turns, QUARTER @ turns, -turns, -QUARTER @ turns]),
+            np.concatenate([-corner, quarter, corner + sizes, three]),
+            shapes,
+            [each[each >= 0].tolist() for each in of],
+        )
 
     def _place(
         self,
-        directions: list[_Direction],
+        turned: _Turned,
         order: list[int],
         rule: tuple[float, float],
         limit: float,
         taken: np.ndarray | None = None,
-    ) -> tuple[float, dict[int, tuple[int, int, int, int]]]:
+    ) -> tuple[float, dict[int, tuple[int, int, int]]]:
         """Place items one after the other, as low as they go in the strip. taken: its cells that are not free.
 
-        Returns how high it is filled, about, if it is higher than the limit; and the direction of each item, its shape there,
-        and the first cell along u and v.
+        Returns how high it is filled, about, if it is higher than the limit; and the shape of each item, and its first cell
+        along u and v.
         """
-        (by_center, by_top), rows = rule, int(min(limit, STRIP * self.side))
-        longest = max(int(each.shapes.runs.length.max()) for each in directions)
+        shapes, rows = turned.shapes, int(min(limit, STRIP * self.side))
+        high = shapes.sizes[:, 1].tolist()
+        above = (rule[0] * shapes.centers + rule[1] * shapes.sizes[:, 1]).tolist()
+        longest = int(shapes.runs.length.max())
         strip, places, top = Strip((self.side, int(STRIP * self.side)), min(longest, self.side), self.gap), {}, 0
         if taken is not None:
             strip.take(taken)
         for item in order:
             best, lowest = None, np.inf
-            ways = []
-            for k, direction in enumerate(directions):
-                shape = int(direction.shape_of[item])
-                if shape >= 0:
-                    shapes = direction.shapes
-                    high = shapes.sizes[shape, 1]
-                    ways.append((by_center * shapes.centers[shape] + by_top * high, rows - high + 1, k, shape))
-            for above, last, k, shape in sorted(ways):
-                place = strip.first_free(directions[k].shapes, shape, min(lowest - above, last))
-                if place is not None and place[1] + above < lowest:
-                    best, lowest = (k, shape, *place), place[1] + above
+            for height, shape in sorted((above[shape], shape) for shape in turned.of[item]):
+                place = strip.first_free(shapes, shape, min(lowest - height, rows - high[shape] + 1))
+                if place is not None and place[1] + height < lowest:
+                    best, lowest = (shape, *place), place[1] + height
             if best is None:
-                cells = directions[0].shapes.cells
+                cells = shapes.cells[: len(turned.of)]
                 return rows * min(max(1.05, cells.sum() / max(1, cells[list(places)].sum())), TOO_HIGH), {}
             places[item] = best
-            k, shape, column, row = best
-            strip.add(directions[k].shapes, shape, column, row)
-            top = max(top, row + int(directions[k].shapes.sizes[shape, 1]))
+            strip.add(shapes, *best)
+            top = max(top, best[2] + high[best[0]])
         return top, places
 
-    def _found(
-        self, items: _Items, directions: list[_Direction], places: dict[int, tuple[int, int, int, int]]
-    ) -> _Places:
+    def _found(self, items: _Items, turned: _Turned, places: dict[int, tuple[int, int, int]]) -> _Places:
         """Where upright islands go in the map."""
-        ways = [places[item] for item in range(len(places))]
-        matrices = np.stack([directions[k].matrix for k, *_ in ways])
-        offsets = np.array([directions[k].offsets[shape] for k, shape, *_ in ways])
-        cells = _Places(matrices, offsets + [place for _, _, *place in ways]).of(items.of)
+        shape, *first = np.array([places[item] for item in range(len(places))]).T
+        cells = _Places(turned.matrices[shape], turned.offsets[shape] + np.stack(first, axis=1)).of(items.of)
         map_ = _Places(self.cell * np.eye(2)[None], np.full((1, 2), self.margin))
         return items.inner.then(cells).then(map_)
 
