@@ -21,6 +21,9 @@ from ..scene.high_materials import materials_of
 from . import deformation
 from .deformation import Deformation
 
+LEAST_TANGENT = 1e-3
+"""The length of what is left of a direction across a normal above which it is a tangent there."""
+
 
 @dataclass(frozen=True)
 class FileMesh:
@@ -177,7 +180,7 @@ def _surface(low: bpy.types.Object, uv_layer: str, is_own_base: bool, depsgraph:
             raise BakeError(f"{low.name!r} no longer has the UV map {uv_layer!r} of its maps: bake again.")
         layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
         drawn = mesh_reader.triangles(data)
-        mesh = mesh_reader.with_tangents(data, uv_layer, low.name, mesh_reader.matrix(shown))
+        mesh = _with_whole_tangents(mesh_reader.with_tangents(data, uv_layer, low.name, mesh_reader.matrix(shown)))
     materials = materials_of(low if is_own_base else shown)
     slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(materials) - 1))
     order = np.argsort(slots, kind="stable")  # as files have them
@@ -185,6 +188,24 @@ def _surface(low: bpy.types.Object, uv_layer: str, is_own_base: bool, depsgraph:
     has_ngons = len(mesh.vertices) != len(layers[uv_layer])
     own = (drawn.reshape(-1)[mesh.triangles] if has_ngons else mesh.triangles)[order]
     return _Surface(mesh, layers, materials, slots, order, own)
+
+
+def _with_whole_tangents(mesh: Mesh) -> Mesh:
+    """A mesh whose tangents all have a length. MikkTSpace gives none to a corner whose normal sees its only triangle from the
+    edge, and shaders that normalize it show no number there."""
+    gone = np.flatnonzero(~mesh.tangents[:, :3].any(axis=1))
+    if not len(gone):
+        return mesh
+    of_others, normals = np.zeros_like(mesh.normals), mesh.normals[gone]
+    np.add.at(of_others, mesh.triangles, mesh.tangents[mesh.triangles, :3].sum(axis=1, keepdims=True))
+    tangents = mesh.tangents.copy()
+    for guess in (np.eye(3)[np.abs(normals).argmin(axis=1)], of_others[gone]):
+        along = guess - (guess * normals).sum(axis=1, keepdims=True) * normals
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        tangents[gone, :3] = np.where(
+            length > LEAST_TANGENT, along / np.maximum(length, LEAST_TANGENT), tangents[gone, :3]
+        )
+    return replace(mesh, tangents=tangents)
 
 
 def _in_scene(mesh: Mesh, deformed: Deformation) -> tuple[Mesh, Deformation]:

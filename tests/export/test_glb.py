@@ -113,6 +113,25 @@ def test_tangents_are_of_the_layer_of_the_map(tmp_path):
     assert "TEXCOORD_1" in part.attributes  # other textures may use it
 
 
+@pytest.mark.parametrize("is_diagonal", [False, True], ids=["as the others", "across the normal"])
+def test_each_tangent_has_a_length(tmp_path, is_diagonal):
+    """MikkTSpace has none where a corner's normal sees its triangle from the edge. is_diagonal: that of the others, which it
+    could take, is its normal."""
+    points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)])
+    corners, normals = np.array([(0, 1, 2), (0, 2, 3)]), np.tile((0.0, 0.0, 1.0), (6, 1))
+    normals[0] = unit(unit(points[1]) - unit(points[2]))
+    axes = np.stack([normals[0], np.cross(normals[1], normals[0])]) if is_diagonal else np.eye(2, 3)
+    uv = 0.7 * (points - 0.5) @ axes.T + 0.5
+    low, high = zoo.build("flat", points, corners, uv[corners], normals=normals), bent_pair()[1]
+    low.data.calc_tangents()
+    assert [any(each.tangent) for each in low.data.loops] == [False, *5 * [True]]
+    export(tmp_path / "out.glb", bake(low, high))
+    (part,) = glb.parts(tmp_path / "out.glb", "flat")
+    tangents, normals = part.attributes["TANGENT"][:, :3], part.attributes["NORMAL"]
+    assert np.abs(np.linalg.norm(tangents, axis=1) - 1.0).max() < 1e-5
+    assert np.abs((tangents * normals).sum(axis=1)).max() < 1e-5
+
+
 def test_mirrored_halves_keep_the_sign_of_their_bitangent(tmp_path):
     low, high = bent_pair()
     for obj in (low, high):
