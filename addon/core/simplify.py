@@ -85,6 +85,11 @@ class Deviation(Protocol):
         ...
 
 
+def making(triangles: int) -> Progress:
+    """The step of a maker that makes a mesh of about so many triangles."""
+    return Progress(f"Decimating to {triangles:,} triangles", 0.0)
+
+
 Judge = Callable[[Any], Task[Any]]
 """Measures how far a mesh deviates from what it stands for: takes a Mesh, returns a Deviation."""
 
@@ -92,9 +97,9 @@ Judge = Callable[[Any], Task[Any]]
 class Maker(Protocol):
     """Makes coarser meshes in one way."""
 
-    def make(self, triangles: int) -> Sequence[Mesh]:
+    def make(self, triangles: int) -> Task[Sequence[Mesh]]:
         """A mesh of about so many triangles, or of more if it cannot. Those after it are measured if it is just beyond the
-        limit."""
+        limit. Its steps are those of `making`."""
         ...
 
     def corrected(self, candidate: "Candidate") -> "Self | None":
@@ -169,8 +174,7 @@ class Search:
 
     def attempt(self, maker: Maker, triangles: int) -> Task[Candidate]:
         """The best mesh of about this many triangles by one maker."""
-        yield Progress(f"Decimating to {triangles:,} triangles", 0.0)
-        meshes, tries = maker.make(triangles), list[Candidate]()
+        meshes, tries = (yield from maker.make(triangles)), list[Candidate]()
         for number, mesh in enumerate(meshes):
             if tries and not 1.0 < tries[0].excess < MOST_FOR_OTHERS:
                 self._remove(mesh)

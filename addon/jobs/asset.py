@@ -20,7 +20,7 @@ from ..core.asset_limits import HowMade, Wanted
 from ..core.declarations.choices import Method, Space, Symmetry, Wrap
 from ..core.errors import BakeError, NothingDrawn
 from ..core.naming import Suffixes
-from ..core.progress import Pace, Progress, Task, Timings, part, relay
+from ..core.progress import Pace, Task, Timings, part, relay
 from ..core.report import Report
 from ..core.sentences import NOTE, Sentence
 from ..core.settings import Settings
@@ -400,10 +400,9 @@ class _Making:
         self, source: LayoutSource, limit: Wanted, texels: np.ndarray | None, timings: Timings
     ) -> Task[tuple[SharedLevel, int]]:
         """A level that shows the textures of the low object, and how many were measured. texels: of its normal map."""
-        yield Progress(f"Decimating to {limit.triangles:,} triangles", 0.0)
         if limit.has_count or texels is None:
-            with timings.timed("decimate"):
-                return source.make(limit.triangles)[0], 0
+            (mesh,) = yield from relay(source.make(limit.triangles), within=lambda: timings.timed("decimate"))
+            return mesh, 0
         judge = partial(self.judge.shared, limit, texels=texels)
         search = Search(limit.search_limit, judge, SharedLevel.remove)
         found = yield from search.min_triangles(source, max(LEAST, limit.triangles // 2), limit.triangles)
@@ -447,8 +446,10 @@ class _Making:
             fewest = yield from part(search.min_triangles(maker, first, most), begin, 1.0)
             compared.keep_only([])
             return fewest.mesh, maker, compared.count + search.count
-        yield Progress(f"Decimating to {first:,} triangles", begin)
-        return best.mesh if best else maker.make(first)[0], maker, compared.count
+        if best is not None:
+            return best.mesh, maker, compared.count
+        (mesh,) = yield from part(maker.make(first), begin, 1.0)
+        return mesh, maker, compared.count
 
     def _object(self, data: bpy.types.Mesh, name: str, home: bpy.types.Collection) -> bpy.types.Object:
         """The object of a finished mesh, without the UV map by which it was judged."""

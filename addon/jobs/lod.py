@@ -80,8 +80,7 @@ class _Levels:
         finer = [mesh for mesh, _ in self._known if mesh.triangles > wanted]
         if not finer:
             return self.original, Level("", limit, self.original.triangles, 0.0, 0.0, 0.0)
-        yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
-        mesh, other = self._maker.of(min(finer, key=lambda each: each.triangles)).make(wanted)
+        mesh, other = yield from self._maker.of(min(finer, key=lambda each: each.triangles)).make(wanted)
         other.remove()
         deviations = yield from self._judge.exactly(mesh)
         self.count += 1

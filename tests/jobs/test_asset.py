@@ -272,6 +272,28 @@ def test_arrays_are_read_aside(monkeypatch):
     assert len(threads) == 3 and threading.main_thread() not in threads
 
 
+def test_low_meshes_are_shaped_aside(monkeypatch):
+    """So that the window does not freeze: a ball by both ways, then a box by its planes."""
+    threads = {}
+
+    def noted(name, function, *arguments, **how):
+        threads.setdefault(name, set()).add(threading.current_thread())
+        return function(*arguments, **how)
+
+    for owner, name in ((low_meshes, "collapse"), (low_meshes.fitting, "fit"), (low_meshes.flips, "flip")):
+        monkeypatch.setattr(owner, name, partial(noted, name, getattr(owner, name)))
+    for high in (zoo.ball("Ball", 24), zoo.cube("Box")):
+        with temporary.meshes():
+            read = finish(high_surface.read(bpy.context, Job(high, [high]), SETTINGS, Timings(STAGES)))
+            for source in read.sources:
+                threads.clear()
+                (low,) = finish(source.make(60))
+                low.remove()
+                assert threading.main_thread() not in set().union(*threads.values())
+                shaping = {"fit"} if source.keeps_planes else {"fit", "flip"}
+                assert set(threads) == shaping | ({"collapse"} if source.is_collapsed else set())
+
+
 @pytest.mark.parametrize(
     "limits", [(high_surface, "MOST_READ", 10_000), (low_meshes, "THINNED", 8_000)], ids=["read", "before Decimate"]
 )

@@ -71,7 +71,7 @@ def test_what_is_round_is_no_hard_surface():
 
 
 def test_low_meshes_have_hard_edges_where_planes_meet():
-    (low,) = sources_of(cad_parts.gusset())[0].make(112)
+    (low,) = finish(sources_of(cad_parts.gusset())[0].make(112))
     assert len(low.data.polygons) == 112
     faces = np.array([face.normal for face in low.data.polygons])
     across = {}
@@ -86,7 +86,7 @@ def test_low_meshes_have_hard_edges_where_planes_meet():
 
 def test_a_keyway_in_a_round_side_is_closed():
     """Its floor and its walls are as large as strips of the cylinder."""
-    (low,) = sources_of(cad_parts.shaft())[0].make(160)
+    (low,) = finish(sources_of(cad_parts.shaft())[0].make(160))
     points = mesh_reader.points(low.data)
     inner = points[(points[:, 0] > 61.0) & (points[:, 0] < 107.0)]
     assert not len(inner) or np.linalg.norm(inner[:, 1:], axis=1).min() > 11.0
@@ -103,10 +103,10 @@ def test_meshes_with_triangles_turned_over_are_told(monkeypatch):
     assert plane_meshes.is_folded(points, triangles, normals)
     assert plane_meshes.is_folded(points[:3], np.array([(2, 1, 0)]), normals[:1])
     source = sources_of(cad_parts.gusset())[1]
-    fitted = source.make(112)[0]
+    (fitted,) = finish(source.make(112))
     assert not fitted.is_folded
     monkeypatch.setattr(plane_meshes, "is_folded", lambda *_: True)
-    folded = source.make(112)[0]
+    (folded,) = finish(source.make(112))
     assert cost_of(folded, 112) > 100.0
     # Nothing is moved that turns triangles over.
     of_high = set(map(tuple, source.whole[0].points.astype(np.float32).tolist()))
@@ -138,7 +138,7 @@ def test_fins_that_are_too_many_keep_their_planes():
     """Of a heat sink with a tenth of its triangles, which are fewer than its fins take. All that stays lies in their planes."""
     sink = cad_parts.heat_sink()
     points, triangles = weld(*cad_parts.arrays(sink))
-    (low,) = sources_of(sink)[0].make(len(triangles) // 10)
+    (low,) = finish(sources_of(sink)[0].make(len(triangles) // 10))
     faces = np.array([face.normal for face in low.data.polygons])
     areas = np.array([face.area for face in low.data.polygons])
     is_along = np.abs(faces).max(axis=1) > 0.99999

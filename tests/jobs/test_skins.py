@@ -615,7 +615,7 @@ def test_low_meshes_of_a_skin_keep_loops_at_joints(has_skin):
         surface = finish(asset._posed(bpy.context, skin, surface))
     plain, collapsed = surface.sources
     assert plain.motions is None and (collapsed.motions is not None) == has_skin
-    (low,) = collapsed.make(48)
+    (low,) = finish(collapsed.make(48))
     z = low_meshes.arrays(low.data)[0][:, 2]
     is_at_joint = (z > 1.5) & (z < 2.75)
     assert (np.count_nonzero(is_at_joint) >= 8) == has_skin

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.progress import finish
-from addon.core.simplify import FEWER, LEAST, ODD, TRIES, Candidate, Limit, Search, StepSearch
+from addon.core.simplify import FEWER, LEAST, ODD, TRIES, Candidate, Limit, Search, StepSearch, making
 
 LIMIT = Limit(degrees=1.0)
 MOST = 100_000
@@ -70,6 +70,7 @@ class Anew:
     """The share of the error that a correction takes away."""
 
     def make(self, triangles):
+        yield making(triangles)
         number = max(self.least, triangles)
         return [self.factory.made(np.array([number]), np.array([self.error(number)]))]
 
@@ -189,6 +190,7 @@ class Steps:
         return replace(self, spared=None)
 
     def make(self, triangles):
+        yield making(triangles)
         counts = self.mesh.counts
         is_free = np.ones(len(counts), bool) if self.spared is None else ~self.spared
         kept = int(counts[~is_free].sum())

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...core import foreach, udim
 from ...core.errors import UNWRAP_FIRST, BakeError
-from ...core.simplify import Candidate
+from ...core.progress import Task
+from ...core.simplify import Candidate, making
 from ...mesh import coarser_uvs
 from ...mesh.triangle_mesh import Mesh
 from ...passes import audit
@@ -122,8 +123,9 @@ class UvDecimation:
     def uncorrected(self) -> "UvDecimation":
         return replace(self, spared=np.zeros_like(self.spared))
 
-    def make(self, triangles: int) -> list[UvMesh]:
+    def make(self, triangles: int) -> Task[list[UvMesh]]:
         """A mesh whose UVs are moved to where its vertices lie, and the same one with the UVs that collapsing edges left."""
+        yield making(triangles)
         is_free = ~(self.mesh.is_kept | self.mesh.vertices_on(self.spared))
         plain = decimated(self.mesh.data, triangles, is_free)
         moved = with_moved_uvs(plain, self.original.data)

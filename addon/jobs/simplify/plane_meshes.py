@@ -3,12 +3,13 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bpy
 import numpy as np
 
-from ...core.progress import Timings
-from ...core.simplify import Candidate
+from ...core.progress import Task, Timings, aside, relay
+from ...core.simplify import Candidate, making
 from ...mesh import fitting, hard_edges, planes, welding
 from ...mesh.fitting import FitOptions, Samples
 from ...mesh.plane_collapse import Costs, OnPlanes, collapse_on_planes, without_needless
@@ -70,18 +71,25 @@ class PlaneSource:
     def triangles(self) -> int:
         return len(self.whole[0].triangles)
 
-    def make(self, triangles: int) -> list[LowMesh]:
+    def make(self, triangles: int) -> Task[list[LowMesh]]:
         """A low mesh of about this many triangles."""
-        with self.timings.timed("decimate"):
-            start = self.whole[triangles < len(self.whole[1].triangles)]
-            its_planes = replace(self.planes, of=self.planes.of[start.of])
-            coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.costs)
-            source = start.of[coarse.of]
-            of = self.planes.of[source]
-            points, nearest = self._fitted(coarse, of)
-            data = low_meshes.new_mesh(points, coarse.triangles)
-            shade(data, hard_edges.shading(points, coarse.triangles, self.groups[source], of))
-        return [LowMesh(data, self, nearest, is_folded(points, coarse.triangles, self.planes.normals[of]))]
+        yield making(triangles)
+        shaping = aside(partial(self._shaped, triangles), making(triangles))
+        points, corners, source, nearest = yield from relay(shaping, within=lambda: self.timings.timed("decimate"))
+        of = self.planes.of[source]
+        data = low_meshes.new_mesh(points, corners)
+        shade(data, hard_edges.shading(points, corners, self.groups[source], of))
+        return [LowMesh(data, self, nearest, is_folded(points, corners, self.planes.normals[of]))]
+
+    def _shaped(self, triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """About this many triangles: points (P, 3), the triangles (N, 3), those of the surface (N,) that they were, and the
+        triangle of each sample."""
+        start = self.whole[triangles < len(self.whole[1].triangles)]
+        its_planes = replace(self.planes, of=self.planes.of[start.of])
+        coarse = collapse_on_planes(start.points, start.triangles, its_planes, triangles, self.costs)
+        source = start.of[coarse.of]
+        points, nearest = self._fitted(coarse, self.planes.of[source])
+        return points, coarse.triangles, source, nearest
 
     def corrected(self, _: Candidate) -> None:
         """Nothing is spared: each of COSTS is tried from the start."""

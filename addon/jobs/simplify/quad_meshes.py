@@ -4,6 +4,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import bmesh
 import bpy
@@ -11,8 +12,8 @@ import numpy as np
 from mathutils import Matrix
 
 from ...core.asset_limits import OFF
-from ...core.progress import Timings
-from ...core.simplify import Candidate
+from ...core.progress import Task, Timings, aside, relay
+from ...core.simplify import Candidate, making
 from ...mesh import fitting
 from ...mesh.fitting import Samples
 from ...scene import mesh_reader
@@ -63,15 +64,18 @@ class QuadSource:
     def triangles(self) -> int:
         return self.base.triangles
 
-    def make(self, triangles: int) -> list[LowMesh]:
+    def make(self, triangles: int) -> Task[list[LowMesh]]:
         """A low mesh of about this many triangles, two a quad; joined ones, if QuadriFlow does not take the mesh."""
+        yield making(triangles)
         with self.timings.timed("decimate"):
             data = self._remeshed(triangles)
-            if data is not None:
-                points, nearest = fitting.fit(mesh_reader.points(data), _triangles(data), self.samples)
-                data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
         if data is None:
-            return JoinedSource(self.base).make(triangles)
+            return (yield from JoinedSource(self.base).make(triangles))
+        fitted = aside(
+            partial(fitting.fit, mesh_reader.points(data), _triangles(data), self.samples), making(triangles)
+        )
+        points, nearest = yield from relay(fitted, within=lambda: self.timings.timed("decimate"))
+        data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
         data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
         data.update()
         data.set_sharp_from_angle(angle=SHARP)
@@ -104,9 +108,9 @@ class JoinedSource(QuadSource):
 
     is_joined = True
 
-    def make(self, triangles: int) -> list[LowMesh]:
+    def make(self, triangles: int) -> Task[list[LowMesh]]:
         """A low mesh of about this many triangles."""
-        (low,) = self.base.make(triangles)
+        (low,) = yield from self.base.make(triangles)
         joined(low.data)
         return [replace(low, source=self)]
 

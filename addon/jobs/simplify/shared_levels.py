@@ -13,6 +13,8 @@ import bpy
 import numpy as np
 
 from ...core import foreach
+from ...core.progress import Task
+from ...core.simplify import making
 from ...mesh import fitting, topology
 from ...mesh.carried_normals import (
     INNER,
@@ -95,8 +97,9 @@ class LayoutSource:
         whole[..., :3, :] = motions
         return replace(self, motions=(np.linalg.inv(to_place) @ whole @ to_place)[..., :3, :])
 
-    def make(self, triangles: int) -> list["SharedLevel"]:
+    def make(self, triangles: int) -> Task[list["SharedLevel"]]:
         """A mesh of about this many triangles."""
+        yield making(triangles)
         coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
         coarse = self._slid(replace(coarse, points=points))
