@@ -95,15 +95,22 @@ class Flattener:
             is_draft: whether projections do, where they neither fold nor overlap.
         """
         yield Progress("Unwrapping", 0.0)
-        nodes = self.charts.nodes(labels, self.mesh.triangles, seams)
-        yield Progress("Unwrapping", 0.05)
-        result = self._measured(labels, self._projected(labels), nodes)
-        yield Progress("Unwrapping", 0.1)
-        is_left = result.is_bad if is_draft else self._is_stretched(result)
+        same, kept = np.zeros(int(labels.max(initial=-1)) + 1, bool), known
         if known is not None:
             same = _same(labels, known.labels)
-            result = self._taken(result, self._measured(labels, known.uv, nodes), same)
-            is_left &= ~same | result.is_bad
+            stretch = np.zeros(len(same))
+            stretch[labels] = known.stretch[known.labels]
+            kept = replace(known, labels=labels, stretch=stretch)
+            if same.all() and not kept.is_bad.any():
+                return kept
+        nodes = self.charts.nodes(labels, self.mesh.triangles, seams)
+        yield Progress("Unwrapping", 0.05)
+        result = self._measured(labels, self._projected(labels), nodes, ~same)
+        yield Progress("Unwrapping", 0.1)
+        is_left = result.is_bad if is_draft else self._is_stretched(result)
+        if kept is not None:
+            result = self._taken(result, kept, same)
+            is_left = np.where(same, result.is_bad, is_left)
         is_left &= np.bincount(labels) > 1
         result = yield from part(self._unwrapped(result, is_left, ANGLES), 0.1, 0.6)
         return (yield from part(self._unwrapped(result, is_left & result.is_bad, STRETCH), 0.6, 1.0))
@@ -250,7 +257,7 @@ class Flattener:
             if found is not None:
                 uv[corners] = found
         yield Progress("Unwrapping", 1.0)
-        return self._better(before, self._measured(before.labels, uv, before.nodes), chosen)
+        return self._better(before, self._measured(before.labels, uv, before.nodes, chosen), chosen)
 
     def _by_blender(self, faces: np.ndarray, corners: np.ndarray, nodes: np.ndarray, method: str) -> np.ndarray | None:
         """The UVs of the corners of some faces; None if Blender cannot."""
@@ -288,17 +295,25 @@ class Flattener:
         uv[corners] = (axes[of] * self._points[corners][:, None]).sum(axis=2)
         return uv
 
-    def _measured(self, labels: np.ndarray, uv: np.ndarray, nodes: np.ndarray) -> Flattened:
+    def _measured(
+        self, labels: np.ndarray, uv: np.ndarray, nodes: np.ndarray, chosen: np.ndarray | None = None
+    ) -> Flattened:
+        """With the stretch and the scale of charts, of the chosen ones (N,) bool; of others, both are as without stretch."""
         islands, triangles = labels[self.mesh.faces], self.mesh.triangles
-        needs = uv_stretch.needs(self._points[triangles], uv[triangles], islands)
-        stretch = needs.need - needs.surface
-        bad = needs.is_folded
-        bad[islands[uv_crossings.crossing(uv[triangles], nodes[triangles], islands)]] = True
-        bad &= np.bincount(labels) > 1
-        stretch[bad] = np.inf
+        stretch, scale = np.zeros(int(labels.max(initial=-1)) + 1), np.ones(int(labels.max(initial=-1)) + 1)
+        if chosen is not None and not chosen.all():
+            some = chosen[islands]
+            islands, triangles = islands[some], triangles[some]
+        if len(islands):
+            here, islands = numbered(islands)
+            needs = uv_stretch.needs(self._points[triangles], uv[triangles], islands)
+            bad = needs.is_folded
+            bad[islands[uv_crossings.crossing(uv[triangles], nodes[triangles], islands)]] = True
+            bad &= np.bincount(labels)[here] > 1
+            stretch[here], scale[here] = np.where(bad, np.inf, needs.need - needs.surface), needs.scale
         scaled = np.zeros_like(uv)
         corners = topology.ranges(self._starts, self._sizes)
-        scaled[corners] = uv[corners] * needs.scale[np.repeat(labels, self._sizes)][:, None]
+        scaled[corners] = uv[corners] * scale[np.repeat(labels, self._sizes)][:, None]
         return Flattened(labels, scaled, nodes, stretch)
 
     def _better(self, one: Flattened, other: Flattened, chosen: np.ndarray) -> Flattened:
