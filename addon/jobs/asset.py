@@ -52,7 +52,7 @@ turn 2.7, 4.9 and 7.9 degrees of error at 1,500, 750 and 375 triangles into 0.5,
 STORED = 0.2
 """The degrees that 8 bits alone account for: errors below are alike."""
 BETTER, WORSE = 0.9, 1.25
-"""The factor on the errors of all levels below which common normals are taken, and that on those of the low mesh that they
+"""The mean factor on the errors of levels below which common normals are taken, and that on those of the low mesh that they
 may have."""
 SHARED, LOOKED = 0.86, 0.98
 """The shares that are done after levels that share textures are made, and when these are to be looked at."""
@@ -355,7 +355,7 @@ class _Making:
             shared_levels.set_normals(level.data, normals)
         other_texels, after = yield from part(self._errors(lows), 0.4, 0.8)
         ratios = np.maximum(after or [np.inf], STORED) / np.maximum(before, STORED)
-        if ratios[0] > WORSE or ratios.mean() > BETTER:
+        if ratios[0] > WORSE or ratios[1:].mean() > BETTER:
             for mesh, normals in zip(meshes, own, strict=True):
                 shared_levels.set_normals(mesh, normals)
         else:

@@ -27,8 +27,13 @@ SAME_SIDE_COSINE = 0.3
 """The cosine between a triangle and the normal of the nearest place, below which that is of another side of the surface."""
 GRADIENT_STEPS = 80
 """Of conjugate gradients, at most."""
-KEPT = 0.1
-"""How much the squares of changes of the finest mesh's normals count, against those of differences between it and a level."""
+KEPT = 0.01
+"""How much the squares of changes of the finest mesh's normals count, against those of differences between it and the first
+level; the same for changes where normals are fitted."""
+COARSER = 0.5
+"""How much the differences of each level count against those of the one before it, whose errors are about half as large. Tried
+on a crater of 3,000 triangles, errors of three levels: 0.866, 1.55 and 2.62 degrees with KEPT 0.1 and 1 here, 0.724, 1.36 and
+2.65 with 0.01 and 0.25, 0.715, 1.30 and 2.35 with 0.01 and 0.5."""
 FARTHEST_TURN = 60.0
 """The degrees between what a level shows at a place and what it should, above which its normals do not turn for it."""
 LEAST_COSINE = 0.2
@@ -95,11 +100,11 @@ def common_normals(meshes: Sequence[LaidOut]) -> list[np.ndarray]:
     own, shares = np.repeat(numbers[0], len(INNER), axis=0), np.tile(INNER, (len(fine.corners), 1))
     on_them = np.einsum("kc,tcx->tkx", INNER, fine.places).reshape(-1, 3)
     rows = [_Differences(own, shares, KEPT * weights)]
-    for mesh, wedges in zip(meshes[1:], numbers[1:], strict=True):
+    for level, (mesh, wedges) in enumerate(zip(meshes[1:], numbers[1:], strict=True)):
         nearest, there, squares = found_on(mesh.places, on_them)
         is_shown = squares <= OFF**2
         pairs = np.concatenate([own, wedges[nearest]], axis=1), np.concatenate([shares, -there], axis=1)
-        rows.append(_Differences(*(each[is_shown] for each in (*pairs, weights))))
+        rows.append(_Differences(*(each[is_shown] for each in (*pairs, weights * COARSER**level))))
     start, count = np.zeros((ends[-1], 3)), int(ends[-1])
     for mesh, wedges in zip(meshes, numbers, strict=True):
         start[wedges.reshape(-1)] = mesh.normals.reshape(-1, 3)

@@ -71,8 +71,8 @@ def flip(
     points, triangles, nearest = points.astype(np.float64), triangles.astype(np.int64), nearest.copy()
     least = NOTHING * diagonal(points) ** 2
     for _ in range(options.rounds):
-        flips = _Flips.of(triangles)
-        flips = flips.chosen(_is_good(points, triangles[flips.old], flips.new))
+        flips = Flips.of(triangles)
+        flips = flips.chosen(is_good(points, triangles[flips.old], flips.new))
         before, after, samples, sides = flips.gains(points, triangles, surface.points, nearest)
         gains = before - after
         chosen = flips.apart(gains, np.flatnonzero(gains > options.gain * before + least), len(triangles))
@@ -94,7 +94,7 @@ def delaunay(points: np.ndarray, triangles: np.ndarray, planes: np.ndarray) -> n
     """
     triangles = triangles.copy()
     for _ in range(ROUNDS):
-        flips = _Flips.of(triangles)
+        flips = Flips.of(triangles)
         flips = flips.chosen(planes[flips.old[:, 0]] == planes[flips.old[:, 1]])
         (start, right, left), (_, stop, _) = flips.new.transpose(1, 2, 0)
         gains = _turn_gains(*(points[vertices].T for vertices in (start, stop, left, right)))
@@ -106,7 +106,7 @@ def delaunay(points: np.ndarray, triangles: np.ndarray, planes: np.ndarray) -> n
 
 
 @dataclass(frozen=True, eq=False)
-class _Flips:
+class Flips:
     """Edges that may flip.
 
     Attributes:
@@ -120,7 +120,7 @@ class _Flips:
     keys: np.ndarray
 
     @classmethod
-    def of(cls, triangles: np.ndarray) -> "_Flips":
+    def of(cls, triangles: np.ndarray) -> "Flips":
         """Those of triangles that point to one side, whose new edge is not there yet."""
         edges = EdgeTable.of(triangles)
         one, other = (sides[~edges.is_against] for sides in edges.pairs)
@@ -131,9 +131,9 @@ class _Flips:
         new = np.stack([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)], axis=1)
         return cls(old, new, keys).chosen((c != d) & ~np.isin(keys, edges.keys))
 
-    def chosen(self, which: np.ndarray) -> "_Flips":
+    def chosen(self, which: np.ndarray) -> "Flips":
         """Some of them. which: (E,) bool."""
-        return _Flips(self.old[which], self.new[which], self.keys[which])
+        return Flips(self.old[which], self.new[which], self.keys[which])
 
     def gains(
         self, points: np.ndarray, triangles: np.ndarray, places: np.ndarray, nearest: np.ndarray
@@ -170,7 +170,7 @@ def _squares(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return dot(away, away)
 
 
-def _is_good(points: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+def is_good(points: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Which of pairs of triangles (E, 2, 3) point as the old ones, and are as good: (E,) bool."""
     normals, qualities = [], []
     for pairs in (old, new):

@@ -469,10 +469,15 @@ def test_constants_of_the_material_of_most_faces_are_kept():
     assert inputs["Normal"].is_linked
 
 
-@pytest.mark.parametrize(("better", "is_taken"), [(10.0, True), (0.0, False)])
-def test_common_normals_are_taken_if_levels_look_better_with_them(monkeypatch, better, is_taken):
-    monkeypatch.setattr(asset, "BETTER", better)
-    monkeypatch.setattr(asset, "WORSE", 10.0)
+@pytest.mark.parametrize(("after", "is_taken"), [([1.0, 8.5], True), ([1.0, 9.5], False), ([1.5, 5.0], False)])
+def test_common_normals_are_taken_if_levels_look_better_with_them(monkeypatch, after, is_taken):
+    seen, errors = iter(([1.0, 10.0], after)), asset._Making._errors
+
+    def told(making, lows):
+        texels, _ = yield from errors(making, lows)
+        return texels, next(seen)
+
+    monkeypatch.setattr(asset._Making, "_errors", told)
     finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=1), SHARP))
     lows = [bpy.data.objects[f"Ball_low_LOD{number}"] for number in (0, 1)]
     assert ["custom_normal" in low.data.attributes for low in lows] == [is_taken, True]

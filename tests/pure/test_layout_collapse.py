@@ -6,7 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.mesh.carried_normals import INNER, KEPT, Framed, LaidOut, carried_normals, common_normals, fitted_normals
+from addon.mesh.carried_normals import (
+    COARSER,
+    INNER,
+    KEPT,
+    Framed,
+    LaidOut,
+    carried_normals,
+    common_normals,
+    fitted_normals,
+)
 from addon.mesh.collapse import CollapseOptions
 from addon.mesh.layout_collapse import LEAST_UV_AREA, Charted, LayoutState, collapse_layout
 from addon.mesh.topology import EdgeTable
@@ -406,28 +415,37 @@ def test_common_normals_of_equal_meshes_are_their_own():
 
 
 def test_common_normals_are_the_least_squares_of_all_levels():
-    """Against a dense solution by another method. The diagonal of the quad is one of the grid's lines, so that each place's
-    barycentric coordinates on it follow from its coordinates."""
+    """Against a dense solution by another method. The levels are the two triangulations of a square: of each place,
+    barycentric coordinates on them follow from its coordinates. The second level counts less."""
     fine, (points, few) = bumpy(2), grid(1)
-    quad = LaidOut(points[few], points[few], few, np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3)))
+    levels = few, np.array([(0, 2, 1), (2, 3, 1)])
     places = np.einsum("kc,tcx->tkx", INNER, fine.places).reshape(-1, 3)
     weights = np.repeat(np.sqrt(face_areas(fine.corners)), len(INNER))[:, None]
-    of_fine, of_quad = np.zeros((len(places), 9)), np.zeros((len(places), 4))
-    rows = np.arange(len(places))[:, None]
+    of_fine, rows = np.zeros((len(places), 9)), np.arange(len(places))[:, None]
     of_fine[rows, np.repeat(fine.wedges, len(INNER), axis=0)] = np.tile(INNER, (len(fine.wedges), 1))
-    for row, place in enumerate(places):
-        for corners in few:
-            shares = np.linalg.solve(np.vstack([points[corners][:, :2].T, np.ones(3)]), [*place[:2], 1.0])
-            if shares.min() > -1e-9:
-                of_quad[row, corners] = shares
+    of_levels = np.zeros((2, len(places), 4))
+    for of_level, triangles in zip(of_levels, levels, strict=True):
+        for row, place in enumerate(places):
+            for corners in triangles:
+                shares = np.linalg.solve(np.vstack([points[corners][:, :2].T, np.ones(3)]), [*place[:2], 1.0])
+                if shares.min() > -1e-9:
+                    of_level[row, corners] = shares
     wanted = np.einsum("kc,tcx->tkx", INNER, fine.normals).reshape(-1, 3)
-    nothing = np.zeros_like(of_quad)
-    matrix = np.block([[of_fine * weights, -of_quad * weights], [of_fine * weights * KEPT**0.5, nothing]])
-    right = np.concatenate([0.0 * wanted, wanted * weights * KEPT**0.5])
+    nothing, less = np.zeros((len(places), 4)), weights * COARSER**0.5
+    matrix = np.block(
+        [
+            [of_fine * weights, -of_levels[0] * weights, nothing],
+            [of_fine * less, nothing, -of_levels[1] * less],
+            [of_fine * weights * KEPT**0.5, nothing, nothing],
+        ]
+    )
+    right = np.concatenate([0.0 * wanted, 0.0 * wanted, wanted * weights * KEPT**0.5])
     expected = unit(np.linalg.lstsq(matrix, right, rcond=None)[0])
-    found = common_normals([fine, quad])
-    assert found[0] == pytest.approx(expected[:9][fine.wedges], abs=1e-6)
-    assert found[1] == pytest.approx(expected[9:][quad.wedges], abs=1e-6)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (2, 3, 3))
+    found = common_normals([fine, *(LaidOut(points[each], points[each], each, up) for each in levels)])
+    assert found[0] == pytest.approx(expected[:9][fine.wedges], abs=1e-5)
+    assert found[1] == pytest.approx(expected[9:13][levels[0]], abs=1e-5)
+    assert found[2] == pytest.approx(expected[13:][levels[1]], abs=1e-5)
     assert not np.allclose(found[0], fine.normals, atol=0.03)
 
 

@@ -28,6 +28,7 @@ from ...mesh.carried_normals import (
 from ...mesh.collapse import CollapseOptions
 from ...mesh.fitting import Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
+from ...mesh.layout_flips import Shown, flipped
 from ...mesh.triangles import face_areas, transformed, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
@@ -102,7 +103,7 @@ class LayoutSource:
         yield making(triangles)
         coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
-        coarse = self._slid(replace(coarse, points=points))
+        coarse = self._settled(replace(coarse, points=points))
         data = self._written(coarse, self.carried_to(coarse, self._normals))
         return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
 
@@ -163,9 +164,14 @@ class LayoutSource:
 
         faces: (N,) int, the triangles of the low mesh that its triangles were.
         """
-        number = list(self.mesh.data.uv_layers.keys()).index(self.mesh.layer)
+        number = self._layer
         heights = np.broadcast_to(APART * self._islands[faces][:, None, None], (len(faces), 3, 1))
         return np.concatenate([mesh.values[..., 2 * number : 2 * number + 2], heights], axis=2)
+
+    @property
+    def _layer(self) -> int:
+        """The number of the UV layer of its map."""
+        return list(self.mesh.data.uv_layers.keys()).index(self.mesh.layer)
 
     @cached_property
     def _islands(self) -> np.ndarray:
@@ -212,22 +218,25 @@ class LayoutSource:
         points = some.points @ to_local[:3, :3].T + to_local[:3, 3]
         return replace(some, points=points, normals=unit(some.normals @ self.mesh.to_world[:3, :3]))
 
-    def _slid(self, coarse: Charted) -> Charted:
-        """A coarser mesh with its vertices along the surface where the low mesh has them in the layout: texels show their own
-        place."""
+    def _settled(self, coarse: Charted) -> Charted:
+        """A coarser mesh with its edges turned, and its vertices along the surface, to where the low mesh has them in the
+        layout: texels show their own place."""
         points, triangles = self._surface
         which, shares = np.repeat(np.arange(len(triangles)), len(INNER)), np.tile(INNER, (len(triangles), 1))
         in_layout = self._in_layout(self._charted, np.arange(len(triangles)))
-        found, there, squares = found_on(
-            self._in_layout(coarse, coarse.faces), np.einsum("nc,ncx->nx", shares, in_layout[which])
-        )
+        on_them = np.einsum("nc,ncx->nx", shares, in_layout[which])
+        found, there, squares = found_on(self._in_layout(coarse, coarse.faces), on_them)
         areas, is_shown = face_areas(points, triangles)[which], squares <= WITHIN**2
-        if areas[is_shown].sum() < SHOWN * areas.sum():
-            return coarse
         normals = unit(np.einsum("nc,ncx->nx", shares, self._normals[which]))
-        places = Samples(np.einsum("nc,ncx->nx", shares, points[triangles[which]]), normals, which, areas)
-        on_it = found[is_shown], there[is_shown]
-        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places.chosen(is_shown)))
+        places = Samples(np.einsum("nc,ncx->nx", shares, points[triangles[which]]), normals, which, areas).chosen(
+            is_shown
+        )
+        shown = Shown(on_them[is_shown, :2], places.points, places.shares, found[is_shown], there[is_shown])
+        coarse, shown = flipped(coarse, shown, self._layer)
+        if places.shares.sum() < SHOWN * areas.sum():
+            return coarse
+        on_it = shown.triangles, shown.shares
+        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places))
 
     def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
         """A mesh with the names of UV layers of the low one, and its numbers of materials, which it gets after the bake."""
