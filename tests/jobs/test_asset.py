@@ -242,18 +242,65 @@ def test_walls_inside_are_no_part_of_the_asset():
     assert report.appearance["silhouette"] < 0.001
 
 
+def outside(highs):
+    """The points (V, 3) and triangles (T, 3) of high objects, without what is hidden, relative to the first one."""
+    unmirrored = Mending(symmetry=Symmetry.NONE)  # a plane of symmetry would divide triangles
+    with temporary.meshes():
+        reading = high_surface.read(bpy.context, Job(highs[0], highs), SETTINGS, Timings(STAGES), unmirrored)
+        base = [source for source in finish(reading).sources if not source.keeps_planes][-1].data
+        return mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
+
+
 def test_a_triangle_of_which_a_corner_is_seen_stays():
     """A block stands on a plate, and covers 94 % of one of the two triangles of its top."""
     plate, block = zoo.cube("Plate"), zoo.cube("Block")
     plate.scale, block.scale, block.location = (1.0, 1.0, 0.2), (1.0, 1.2, 0.5), (-0.5, 0.0, 0.4)
     bpy.context.view_layer.update()
-    unmirrored = Mending(symmetry=Symmetry.NONE)  # the plane of symmetry would divide the triangles
-    with temporary.meshes():
-        reading = high_surface.read(bpy.context, Job(plate, [plate, block]), SETTINGS, Timings(STAGES), unmirrored)
-        base = [source for source in finish(reading).sources if not source.keeps_planes][-1].data
-        points, corners = mesh_reader.points(base), mesh_reader.corner_vertices(base).reshape(-1, 3)
-        top = corners[np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6]
-    assert len(top) == 2
+    points, corners = outside([plate, block])
+    assert np.count_nonzero(np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6) == 2
+
+
+def test_triangles_of_which_the_middle_of_an_edge_is_seen_stay():
+    """Two blocks stand on a plate. Between them, a slit shows a tenth of the two triangles of its top, and no corner."""
+    plate, *blocks = (zoo.cube(name) for name in ("Plate", "Left", "Right"))
+    plate.scale = 1.0, 1.0, 0.2
+    for block, side in zip(blocks, (-1.0, 1.0), strict=True):
+        block.scale, block.location = (1.2, 0.6, 0.5), (0.0, 0.7 * side, 0.6)
+    bpy.context.view_layer.update()
+    points, corners = outside([plate, *blocks])
+    assert np.count_nonzero(np.abs(points[corners][:, :, 2] - 0.2).max(axis=1) < 1e-6) == 2
+
+
+def boxed(name, low, high, cuts):
+    """A box between two corners (3,), of squares of two triangles, so many (3,) along each axis."""
+    points, faces = [], []
+    for axis in range(3):
+        ahead, above = (axis + 1) % 3, (axis + 2) % 3
+        uv, quads = zoo.grid_uv(cuts[ahead], cuts[above]), zoo.grid_faces(cuts[ahead], cuts[above])
+        for side in (0.0, 1.0):
+            sheet = np.empty((len(uv), 3))
+            sheet[:, axis], sheet[:, ahead], sheet[:, above] = side, *uv.T
+            turned = quads if side else quads[:, ::-1]
+            faces.append(sum(map(len, points)) + np.concatenate([turned[:, :3], turned[:, [0, 2, 3]]]))
+            points.append(sheet)
+    low, high = np.array(low), np.array(high)
+    points, faces = welding.weld(
+        (low + np.concatenate(points) * (high - low)).astype(np.float32), np.concatenate(faces)
+    )
+    return zoo.build(name, points, faces, smooth=False)
+
+
+def test_what_is_half_hidden_ends_in_a_straight_border():
+    """A block is sunk into a plate, 73 % of it. Of the last row of squares 15 % are seen: of one of the two triangles of each,
+    nothing near a corner is."""
+    plate = boxed("Plate_high", (-2, -2, -2), (2, 2, 0), (8, 8, 4))
+    block = boxed("Block_high", (-1, -1, -1.17), (1, 1, 0.43), (8, 8, 8))
+    points, triangles = outside([plate, block])
+    table = EdgeTable.of(triangles)
+    ends = points[table.ends[table.is_open]]
+    assert np.abs(ends[..., 2] + 0.17).max() < 1e-5
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(4 * 2.0)
+    assert face_areas(points, triangles).sum() == pytest.approx(2 * 16.0 + 4 * 8.0 + 4.0 + 8.0 * 0.6)
 
 
 def test_arrays_are_read_aside(monkeypatch):

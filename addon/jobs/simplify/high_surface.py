@@ -20,7 +20,7 @@ from ...core.progress import Progress, Task, Timings, aside
 from ...core.settings import Settings
 from ...core.simplify import Candidate
 from ...engine import hidden_faces, high_look
-from ...mesh import mirrors, orientation, small_parts, topology
+from ...mesh import mirrors, orientation, seen_parts, small_parts, topology
 from ...mesh.closest import Surface
 from ...mesh.closing import Closing
 from ...mesh.edges import is_without_area
@@ -51,6 +51,8 @@ PLANES_BIAS = 1.0 / 1.1
 from their faces in ways that no judge here sees."""
 NEAR_CORNERS = np.array([(1, 1, 1), (8, 1, 1), (1, 8, 1), (1, 1, 8)]) / ((3,), (10,), (10,), (10,))
 """Barycentric coordinates (4, 3): a large triangle is left out only if none of these points on it sees the outside."""
+NEAR_EDGES = np.array([(8, 8, 1), (1, 8, 8), (8, 1, 8)]) / 17
+"""As NEAR_CORNERS, of triangles beside some that are seen: what hides their corners may end between these."""
 SAMPLES = 120_000
 """The samples of the surface that are looked at from outside."""
 PERCENTILE = 99
@@ -168,7 +170,8 @@ def read(
     if is_asked_for or len(triangles) > enough:
         mirroring = partial(_mirror, points, triangles, outer, mending.symmetry, name)
         mirror = yield from aside(mirroring, _reading(0.7))
-    sources = yield from _sources(data, is_seen, outer, timings, hidden=hidden, bad=mended.bad)
+    stays = yield from aside(partial(seen_parts.kept, points, triangles, is_seen), _reading(0.75))
+    sources = yield from _sources(data, stays, (samples, outer), timings, hidden=hidden, bad=mended.bad)
     loses_planes = mirror is not None and is_asked_for and any(each.keeps_planes for each in sources)
     if mirror is not None and is_asked_for:
         sources = [each.halved(mirror) for each in sources if isinstance(each, DecimationSource)]
@@ -261,8 +264,8 @@ def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: s
 
 def _sources(
     data: bpy.types.Mesh,
-    is_seen: np.ndarray,
-    outer: Samples,
+    stays: np.ndarray,
+    samples: tuple[Samples, Samples],
     timings: Timings,
     *,
     hidden: float,
@@ -272,15 +275,16 @@ def _sources(
 
     Args:
         data: the whole surface.
-        is_seen: (T,) bool, which triangles see the outside.
-        outer: samples of those.
+        stays: (T,) bool, which triangles are not left out.
+        samples: of all of it, and of what sees the outside.
         timings: as DecimationSource has them.
         hidden, bad: as HighSurface has these shares.
     """
     points, triangles = arrays(data)
+    everywhere, outer = samples
     result, outside = [], data
     if hidden > MOST_HIDDEN:
-        outside = new_mesh(points, triangles[is_seen])
+        outside = new_mesh(points, triangles[stays])
     yield _reading(0.8)
     if bad > MOST_BAD_EDGES or hidden > MOST_HIDDEN:
         voxels = remeshed(data, float(face_areas(points, triangles).sum()) * (1.0 - hidden), outer)
@@ -288,8 +292,9 @@ def _sources(
             result += sources_of(voxels, outer, timings, is_remeshed=True)
         yield _reading(0.9)
     # The faces of single triangles can point to any side, so that only the remeshed one has an outside.
-    if not result or EdgeTable.of(triangles[is_seen]).bad_edge_share <= MOST_BAD_EDGES:
-        result += sources_of(outside, outer, timings, bias=REMESH_BIAS if result else 1.0)
+    if not result or EdgeTable.of(triangles[stays]).bad_edge_share <= MOST_BAD_EDGES:
+        on_it = everywhere.chosen(stays[everywhere.triangles])
+        result += sources_of(outside, on_it, timings, bias=REMESH_BIAS if result else 1.0)
     yield _reading(1.0)
     plain, _ = result[-2:]
     return result + plane_meshes.sources_of(*arrays(outside), plain.samples, timings, PLANES_BIAS * plain.bias)
@@ -322,7 +327,8 @@ def edge_of(context: bpy.types.Context, job: Job, settings: Settings) -> float:
 
 
 def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, samples: Samples) -> np.ndarray:
-    """Which triangles (T,) bool see something of the outside, from some of the samples on them, their middle, or near a corner.
+    """Which triangles (T,) bool see something of the outside, from some of the samples on them, their middle, near a corner, or
+    near an edge.
 
     If nearly all of the area does, all count as seen.
     """
@@ -333,10 +339,18 @@ def _seen(data: bpy.types.Mesh, points: np.ndarray, triangles: np.ndarray, sampl
     is_seen = np.bincount(some.triangles, is_open, len(triangles)) > hidden_faces.PEEPING * of_each
     if is_seen[some.triangles].mean() > 1.0 - MOST_HIDDEN:
         return np.ones(len(triangles), bool)
-    for weights in NEAR_CORNERS:
-        left = np.flatnonzero(~is_seen)
+
+    def look(asked: np.ndarray, weights: np.ndarray) -> None:
+        left = np.flatnonzero(asked & ~is_seen)
         on_them = np.einsum("c,tcx->tx", weights, points[triangles[left]].astype(np.float64))
         is_seen[left] = hidden_faces.sees_outside(mesh, on_them, left, Timings())
+
+    for weights in NEAR_CORNERS:
+        look(~is_seen, weights)
+    neighbors = EdgeTable.of(triangles).neighbors
+    for weights in NEAR_EDGES:
+        if 1.0 - is_seen[samples.triangles].mean() > MOST_HIDDEN:  # else nothing is left out
+            look((is_seen[neighbors] & (neighbors >= 0)).any(axis=1), weights)
     return is_seen if is_seen[samples.triangles].any() else np.ones(len(triangles), bool)
 
 
