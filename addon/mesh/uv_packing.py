@@ -292,8 +292,9 @@ class _Search:
         if self.count == 1:
             return self._alone()
         least = self.side * np.sqrt(LEAST_SHARE / self.areas.sum())
-        size = max(self._size(FULL * self.side**2), least)
-        best, smallest_too_large, work, tries, done = None, np.inf, 0, 0, 0.0
+        most = np.inf if self.is_quick else self._largest  # a quick search has too few tries to begin there
+        size = max(min(self._size(FULL * self.side**2), most), least)
+        best, smallest_too_large, work, tries, done = None, most * STEP, 0, 0, 0.0
         while True:
             height, found, placed = yield from part(self._try(size), done, done)
             work, tries = work + placed, tries + 1
@@ -312,7 +313,7 @@ class _Search:
                 if following <= largest or following >= smallest_too_large:
                     following = np.sqrt(largest * smallest_too_large)
                 enough = (following / largest < COARSE or tries >= 2 * TRIES) if self.is_quick else work > WORK
-                if following / largest < FINE or (tries >= TRIES and enough):
+                if min(following, most) / largest < FINE or (tries >= TRIES and enough):
                     return self._filling(self.upright.then(best))
             size = following
 
@@ -390,6 +391,22 @@ class _Search:
         best = 0 if sides[0] <= min(sides) * UPRIGHT else int(np.argmin(sides))
         return self._filling(self.upright.then(_Places(_rotations(np.array([turns[best]])), np.zeros((1, 2)))))
 
+    @property
+    def _angles(self) -> list[float]:
+        """The angles in a quarter of the circle by which islands without straight borders are turned."""
+        number = MORE_DIRECTIONS if self.count <= FEW and not self.is_quick else DIRECTIONS
+        return (0.5 * np.pi * np.arange(number) / number).tolist()
+
+    @cached_property
+    def _largest(self) -> float:
+        """The size at which the island that needs most is as long as the map, or as wide: none can be packed larger."""
+        sides = []
+        for angle in self._angles:
+            least, most = replace(self.outlines, points=_turned(self.outlines.points, angle)).boxes()
+            sides.append((most - least).max(axis=1))
+        needed = np.where(self.is_straight, sides[0], np.min(sides, axis=0))
+        return self.side / max(float(needed.max()), 1e-300) * (1.0 - 1e-9)
+
     def _need(self, size: float) -> float:
         """About the cells that islands take, with the margin around them."""
         return float(np.polyval(self._polynomial, size))
@@ -465,10 +482,9 @@ class _Search:
 
     def _turned(self, items: _Items) -> _Turned:
         """Items in all directions: each in four, turned by quarters, and the free ones in more."""
-        number = MORE_DIRECTIONS if self.count <= FEW and not self.is_quick else DIRECTIONS
-        angles = (0.5 * np.pi * np.arange(number) / number).tolist()
+        angles = self._angles
         some = items.outlines.chosen(items.is_free) if items.is_free.any() else None
-        given = [items.outlines, *([some] * (number - 1) if some is not None else [])]
+        given = [items.outlines, *([some] * (len(angles) - 1) if some is not None else [])]
         turned = [replace(each, points=_turned(each.points, angle)) for each, angle in zip(given, angles, strict=False)]
         outlines, free = Outlines.together(turned), np.flatnonzero(items.is_free)
         item = np.concatenate([np.arange(len(items.is_free)), np.tile(free, len(given) - 1)])

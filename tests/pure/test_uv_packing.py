@@ -106,6 +106,18 @@ def test_a_quick_search_tries_few_sizes(monkeypatch):
     assert packed.max() == pytest.approx(1.0 - MARGIN, abs=1e-6)
 
 
+def test_a_search_ends_where_an_island_is_as_long_as_the_map(monkeypatch):
+    """With room for the other island beside it, one size is tried, at which it just fits."""
+    tried, tries = [], uv_packing._Search._try
+    monkeypatch.setattr(
+        uv_packing._Search, "_try", lambda search, size: tried.append(20.0 * size / search.side) or tries(search, size)
+    )
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[np.array([[0, 1, 2], [0, 2, 3]])]
+    packed = pack(np.concatenate([square * (1.0, 20.0), square + 5.0]), np.array([0, 0, 1, 1]), MARGIN)
+    assert tried == pytest.approx([1.0])
+    assert packed.max() == pytest.approx(1.0 - MARGIN, abs=1e-6)
+
+
 def test_an_island_much_longer_than_the_map_does_not_stop_the_search():
     """Nothing is packed, as the other island would have no cell."""
     corners = np.array([[(0.0, 0.0), (1e6, 0.0), (1e6, 1.0)], [(0.0, 2.0), (500.0, 2.0), (0.0, 502.0)]])
