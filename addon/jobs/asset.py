@@ -349,7 +349,7 @@ class _Making:
             return
         meshes = [low.obj.data for low in lows]
         own = list(map(shared_levels.custom_normals, meshes))
-        common, *others = source.common_normals(levels)
+        common, *others = yield from part(source.common_normals(levels), 0.4, 0.4)
         source.give(meshes[0], common)
         for level, normals in zip(levels, others, strict=True):
             shared_levels.set_normals(level.data, normals)

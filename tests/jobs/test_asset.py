@@ -341,6 +341,19 @@ def test_low_meshes_are_shaped_aside(monkeypatch):
                 assert set(threads) == shaping | ({"collapse"} if source.is_collapsed else set())
 
 
+def test_levels_that_share_textures_are_shaped_aside(monkeypatch):
+    threads = {}
+
+    def noted(name, function, *arguments):
+        threads.setdefault(name, set()).add(threading.current_thread())
+        return function(*arguments)
+
+    for name in ("collapse_layout", "common_normals"):
+        monkeypatch.setattr(shared_levels, name, partial(noted, name, getattr(shared_levels, name)))
+    finish(task([zoo.ball("Ball", 24)], Wanted(triangles=400, levels=1), SHARP))
+    assert len(threads) == 2 and threading.main_thread() not in set().union(*threads.values())
+
+
 @pytest.mark.parametrize(
     "limits", [(high_surface, "MOST_READ", 10_000), (low_meshes, "THINNED", 8_000)], ids=["read", "before Decimate"]
 )

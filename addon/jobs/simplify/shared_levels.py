@@ -7,13 +7,13 @@ be to those of the low mesh, from which a normal map in tangent space counts, or
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import bpy
 import numpy as np
 
 from ...core import foreach
-from ...core.progress import Task
+from ...core.progress import Progress, Task, aside
 from ...core.simplify import making
 from ...mesh import fitting, topology
 from ...mesh.carried_normals import (
@@ -101,11 +101,17 @@ class LayoutSource:
     def make(self, triangles: int) -> Task[list["SharedLevel"]]:
         """A mesh of about this many triangles."""
         yield making(triangles)
+        _ = self._layer, self._charted, self._normals  # which read Blender's mesh: not on another thread
+        coarse, normals = yield from aside(partial(self._shaped, triangles), making(triangles))
+        data = self._written(coarse, normals)
+        return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
+
+    def _shaped(self, triangles: int) -> tuple[Charted, np.ndarray]:
+        """A coarser mesh of about this many triangles, fitted to the high surface, and its normals (N, 3, 3)."""
         coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
         points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
         coarse = self._settled(replace(coarse, points=points))
-        data = self._written(coarse, self.carried_to(coarse, self._normals))
-        return [SharedLevel(data, self.mesh.layer, self.mesh.name, self.mesh.to_world, coarse)]
+        return coarse, self.carried_to(coarse, self._normals)
 
     @property
     def bend(self) -> float:
@@ -115,7 +121,7 @@ class LayoutSource:
         cosines = (self._normals * faces[:, None]).sum(axis=2)
         return float(np.average(np.degrees(np.arccos(cosines.clip(-1.0, 1.0))).mean(axis=1), weights=areas))
 
-    def common_normals(self, levels: Sequence["SharedLevel"]) -> list[np.ndarray]:
+    def common_normals(self, levels: Sequence["SharedLevel"]) -> Task[list[np.ndarray]]:
         """Normals (T, 3, 3) at corners of the low mesh and of its levels, that differ as little as can be in the same places of
         the layout. Those of the low mesh are not far from its faces."""
         points, triangles = self._surface
@@ -132,7 +138,8 @@ class LayoutSource:
             )
             for each in levels
         ]
-        found, *of_levels = common_normals([own, *others])
+        step = Progress("Choosing normals", 0.0)
+        found, *of_levels = yield from aside(partial(common_normals, [own, *others]), step)
         faces = unit_normals(points[triangles])[0][:, None]
         is_near = (found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE
         return [np.where(is_near, found, self._normals), *of_levels]
@@ -168,7 +175,7 @@ class LayoutSource:
         heights = np.broadcast_to(APART * self._islands[faces][:, None, None], (len(faces), 3, 1))
         return np.concatenate([mesh.values[..., 2 * number : 2 * number + 2], heights], axis=2)
 
-    @property
+    @cached_property
     def _layer(self) -> int:
         """The number of the UV layer of its map."""
         return list(self.mesh.data.uv_layers.keys()).index(self.mesh.layer)
