@@ -18,6 +18,8 @@ ROUNDS = 6
 """How often edges are looked for. After three, hardly any is left."""
 GAIN = 0.02
 """The share of the squares at both triangles that a flip takes away at least."""
+NO_AREA = 1e-12
+"""Twice the area of a triangle in the layout, as a share of the map, below which it is only rounding, as of UVs on a line."""
 HERE = 1e-5
 """The root mean square of ways, in longest sides of the mesh's box, that a flip takes away at least: less is rounding."""
 
@@ -105,7 +107,7 @@ def _allowed(mesh: Charted) -> tuple[Flips, np.ndarray]:
     values = mesh.values.reshape(mesh.triangles.size, -1)[corners.reshape(-1, 3)]
     before = uv_areas(mesh.values, mesh.layers)[flips.old]
     after = uv_areas(values, mesh.layers).reshape(count, 2, mesh.layers)
-    least = LEAST_UV_AREA * np.abs(before.sum(axis=1, keepdims=True))
+    least = np.maximum(LEAST_UV_AREA * np.abs(before.sum(axis=1, keepdims=True)), NO_AREA)
     keeps_sides = (after * np.sign(before[:, :1]) > least).all(axis=(1, 2))
     return flips.chosen(keeps_sides), corners[keeps_sides]
 
@@ -120,7 +122,8 @@ def _after(mesh: Charted, old: np.ndarray, corners: np.ndarray) -> Charted:
 
 
 def _barycentric(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (..., 3) of places (..., 2) in triangles (..., 3, 2) with an area."""
+    """Barycentric coordinates (..., 3) of places (..., 2) in triangles (..., 3, 2) with an area, or beside them: those of
+    mesh/triangles.py stay at borders."""
     ways, edges = places - corners[..., 0, :], corners[..., 1:, :] - corners[..., :1, :]
     inverse = np.linalg.inv(edges)
     last = (ways[..., None, :] @ inverse)[..., 0, :]

@@ -56,6 +56,20 @@ def test_an_edge_turns_to_a_ridge():
     assert flipped(turned, found, 1)[0] is turned
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-17])
+def test_uvs_on_a_line_flip_nothing_seed_2(noise):
+    """Their areas are rounding."""
+    dice = np.random.default_rng(2)
+    points, triangles = grid(8)
+    along = dice.uniform(0.0, 1.0, len(points))
+    uv = np.stack([along, along / 3.0], axis=1) + dice.normal(0.0, noise, (len(points), 2))
+    mesh = laid(points, triangles, uv=uv)
+    which, shares = dice.integers(0, len(triangles), 2000), dice.dirichlet([1.0, 1.0, 1.0], 2000)
+    uvs, places = (np.einsum("nc,ncx->nx", shares, each[triangles[which]]) for each in (uv, points))
+    shown = Shown(uvs, places + dice.normal(0.0, 0.3, places.shape), np.ones(2000), which, shares)
+    assert flipped(mesh, shown, 1)[0] is mesh
+
+
 def test_lines_stay_where_they_are():
     mesh = replace(across(), labels=np.array([0, 1]))
     assert flipped(mesh, shown_of(mesh, ridge), 1)[0] is mesh
