@@ -149,8 +149,7 @@ def _sum(part: list[str], added: str, before: str) -> str:
     """A sum with calls. added: "+=" or "-=" if it is added to the variable at the end of `before`."""
     (_, first), *others = _terms(part)
     total, product = "".join(first).strip(), _product(first)
-    variable = _VARIABLE.search(before)
-    if added and product and variable and not others:
+    if added and product and not others and (variable := _VARIABLE.search(before)):
         return f"= {_call(added[0], product, variable[0].strip())}"
     for sign, term in others:
         text, other = "".join(term).strip(), _product(term)
