@@ -23,6 +23,8 @@ SAME_COSINE = 0.9
 """The cosine between the normals of a mirrored sample and of the surface there, from which it is the same place."""
 NEAR, NEAR_AS_A_WHOLE = 0.25, 0.75
 """The shares of the mean edge of borders within which edges, and whole borders, of a coarse half belong to its cut."""
+HALFWAY = 0.5
+"""The share of how far a part reaches beyond the plane within which they do, too: the far side of a strip is none."""
 
 
 @dataclass(frozen=True)
@@ -139,14 +141,14 @@ def joined(points: np.ndarray, triangles: np.ndarray, plane: Plane) -> tuple[np.
     """
     edges = EdgeTable.of(triangles)
     ends = edges.ends[edges.is_open]
-    away = points[:, plane.axis].astype(np.float64) - plane.place
+    away = np.abs(points[:, plane.axis].astype(np.float64) - plane.place)
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     mean = float(lengths.mean()) if len(lengths) else 0.0
+    halfway = HALFWAY * _farthest(away, triangles[:, [0, 1, 1, 2]].reshape(-1, 2))
     is_on = np.zeros(len(points), bool)
-    is_on[ends[(np.abs(away[ends]) <= NEAR * mean).all(axis=1)]] = True
-    border, farthest = topology.connected(len(points), *ends.T), np.zeros(len(points))
-    np.maximum.at(farthest, border[ends], np.abs(away[ends]))
-    is_on[ends[farthest[border[ends]] <= NEAR_AS_A_WHOLE * mean]] = True
+    is_on[ends[(away <= np.minimum(NEAR * mean, halfway))[ends].all(axis=1)]] = True
+    is_near_as_a_whole = _farthest(away, ends) <= np.minimum(NEAR_AS_A_WHOLE * mean, halfway)
+    is_on[ends[is_near_as_a_whole[ends]]] = True
     triangles = _without_chords(triangles, edges, is_on)
     # Of multiples of a power of two, sums and differences of single precision are exact.
     largest = float(np.abs(points[:, plane.axis]).max(initial=0.0)) + abs(plane.place)
@@ -158,6 +160,13 @@ def joined(points: np.ndarray, triangles: np.ndarray, plane: Plane) -> tuple[np.
     other = np.where(is_on, np.arange(len(points)), len(points) + np.cumsum(~is_on) - 1)
     both = np.concatenate([rounded, Plane(plane.axis, place).mirrored(rounded[~is_on])])
     return both.astype(np.float32), np.concatenate([triangles, other[triangles][:, ::-1]]).astype(np.int64)
+
+
+def _farthest(away: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """The greatest of values (V,) of vertices among those that edges (E, 2) int connect each one with."""
+    roots, result = topology.connected(len(away), *ends.T), np.zeros(len(away))
+    np.maximum.at(result, roots, away)
+    return result[roots]
 
 
 def _without_chords(triangles: np.ndarray, edges: EdgeTable, is_on: np.ndarray) -> np.ndarray:

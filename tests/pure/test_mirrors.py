@@ -167,6 +167,17 @@ def test_borders_that_were_there_stay_open():
     assert len(both) == 6 and face_areas(both, faces).sum() == 2.0 and EdgeTable.of(faces).is_open.sum() == 6
 
 
+@pytest.mark.parametrize("count", [2, 5, 9, 25])
+def test_the_far_side_of_a_narrow_strip_is_no_cut(count):
+    """However long its triangles are."""
+    along = np.linspace(0.0, 12.0, count)
+    points = np.stack([np.repeat(along, 2), np.tile([-0.5, 0.5], count), np.zeros(2 * count)], axis=1)
+    first = 2 * np.arange(count - 1)
+    strip = np.concatenate([np.stack([first + n for n in corners], axis=1) for corners in ((0, 2, 3), (0, 3, 1))])
+    both = mirrors.joined(*mirrors.half(points, strip, Plane(1, 0.0)), Plane(1, 0.0))
+    assert face_areas(*both).sum() == pytest.approx(12.0)
+
+
 @pytest.mark.parametrize(("place", "is_cut"), [(0.22, True), (0.225, False)])
 def test_edges_near_the_plane_belong_to_the_cut(place, is_cut):
     """Up to a quarter of the mean edge of borders, here 1 - place / 2: at 2 / 9."""
