@@ -414,10 +414,11 @@ class _Making:
         return next((each for each in obj.users_collection if each in shown), self.context.scene.collection)
 
     def _collection(self, name: str, within: bpy.types.Collection) -> bpy.types.Collection:
-        """The collection of the levels of detail of an object: the one that is there, without the levels of its last bake, or a
+        """The collection of the levels of detail of an object: the one that is seen, without the levels of its last bake, or a
         new one."""
+        shown = evaluation.shown_collections(self.context.view_layer)
         for known in (within, *within.children):
-            if known.name == name + naming.LEVELS and known.is_editable:
+            if known.name == name + naming.LEVELS and known.is_editable and known in shown:
                 self.aside.put(known, naming.level_names(name, asset_limits.MOST_LEVELS))
                 return known
         made = bpy.data.collections.new(name + naming.LEVELS)

@@ -1073,3 +1073,14 @@ def test_where_quads_do_not_flow_triangles_are_joined(monkeypatch):
     report, low = made([zoo.ball("Ball", 24)], Wanted(triangles=400, quads=True))
     triangles, quads = sides(low)
     assert quads > triangles and triangles + 2 * quads == report.triangles["low"] == pytest.approx(400, rel=MOST_OFF)
+
+
+def test_a_second_press_shows_what_it_makes_where_the_first_is_left_out():
+    """Also of levels in a collection that the view layer leaves out by now."""
+    ball, wanted = zoo.ball("Ball", 16), Wanted(triangles=200, levels=1)
+    first = [bpy.data.objects[report.low] for report in finish(task([ball], wanted))]
+    bpy.context.view_layer.layer_collection.children["Ball_low_LODs"].exclude = True
+    assert asset.known_low(bpy.context, [ball], Suffixes()) is None
+    second = [bpy.data.objects[report.low] for report in finish(task([ball], wanted))]
+    assert second[0].visible_get() and second[0].users_collection == second[1].users_collection
+    assert list(bpy.data.collections["Ball_low_LODs"].objects) == first
