@@ -32,7 +32,7 @@ from ..scene import evaluation, mesh_reader
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, low_material, temporary, unwrapping, uv_density
 from .job import NOTHING_ELSE, Job, Request, Wants, check_gpu
-from .simplify import appearance_judge, decimation, high_surface, quad_meshes, shared_levels
+from .simplify import appearance_judge, decimation, high_surface, quad_meshes, shared_levels, skins
 from .simplify.appearance_judge import AppearanceJudge
 from .simplify.high_surface import HighSurface
 from .simplify.low_meshes import DecimationSource, LowMesh, Source, arrays
@@ -328,7 +328,7 @@ class _Making:
             mesh.data.name = level_name
             obj = bpy.data.objects.new(level_name, mesh.data)
             home.objects.link(obj)
-            obj.matrix_world = low.obj.matrix_world
+            skins.put_in_place_of(obj, low.obj)
             how = HowMade(
                 is_made=True, of=self.high.count, measured=measured, limits=limit.to_dict(), shares=low.obj.name
             )

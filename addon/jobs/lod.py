@@ -28,7 +28,7 @@ from ..scene import object_checks
 from ..scene.object_checks import ObjectRef
 from . import bake_jobs, temporary
 from .job import Job, check_clashes, check_gpu, files_kept
-from .simplify import decimation
+from .simplify import decimation, skins
 from .simplify.decimation import UvDecimation, UvMesh
 from .simplify.skins import Skin
 from .simplify.texel_judge import Deviations, TexelJudge
@@ -197,7 +197,7 @@ def _level_objects(
         each.name = name
         level = bpy.data.objects.new(name, each)
         collection.objects.link(level)
-        level.matrix_world = source.matrix_world
+        skins.put_in_place_of(level, source)
         decimation.remove_group(level)
         for slot, before in zip(level.material_slots, source.material_slots, strict=False):
             if before.link == "OBJECT":

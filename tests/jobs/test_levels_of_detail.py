@@ -73,7 +73,10 @@ def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
 def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_else_changes():
     original = zoo.terrain("Hill", 16)
     scenes.material("Grass", original)
-    original.location = 1.0, 2.0, 3.0
+    original.location, original.rotation_euler = (1.0, 2.0, 3.0), (0.3, 0.2, 1.0)
+    original.parent = scenes.link(bpy.data.objects.new("Uneven", None))
+    original.parent.scale = 0.5, 1.0, 1.5
+    bpy.context.view_layer.update()
     group = original.vertex_groups.new(name="bones")
     group.add([0, 1, 2], 0.5, "REPLACE")
     before = snapshot()
@@ -86,7 +89,7 @@ def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_e
     objects = list(bpy.data.collections["Hill_LODs"].objects)
     assert [obj.name for obj in objects] == ["Hill_LOD1", "Hill_LOD2"]
     for obj, level in zip(objects, report.levels, strict=True):
-        assert obj.matrix_world == original.matrix_world
+        np.testing.assert_allclose(obj.matrix_world, original.matrix_world, atol=1e-5)
         assert obj.data.uv_layers[0].name == "UVMap"
         assert [group.name for group in obj.vertex_groups] == ["bones"]
         (material,) = obj.data.materials

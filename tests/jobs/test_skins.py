@@ -374,6 +374,45 @@ def test_a_parent_is_kept_and_nothing_moves(kind):
     assert nearest.max() < 1e-4  # each vertex lies on one of the high mesh, in each pose
 
 
+def uneven_parent(*objects):
+    """Objects turned below a parent of uneven scale, which shears them."""
+    parent = scenes.link(bpy.data.objects.new("Parent", None))
+    parent.matrix_world = Matrix.LocRotScale((0.5, 1.0, 0.0), TURN, (2.0, 0.5, 1.0))
+    for obj in objects:
+        obj.parent, obj.rotation_mode, obj.rotation_quaternion = parent, "QUATERNION", TURN
+    bpy.context.view_layer.update()
+    return parent
+
+
+def test_nothing_moves_below_a_parent_that_shears():
+    high, low = rod("High", 8, 8), rod("Low", 4, 4)
+    parent = uneven_parent(high)
+    low.matrix_world = Matrix.Translation((0.0, 5.0, 0.0))
+    bpy.context.view_layer.update()
+    before = in_world(low)
+    carried([high], [low])
+    bpy.context.view_layer.update()
+    assert low.parent == parent
+    np.testing.assert_allclose(in_world(low), before, atol=1e-5)
+    parent.location.x += 3.0
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(in_world(low), before + (3.0, 0.0, 0.0), atol=1e-5)
+
+
+@pytest.mark.parametrize(("limits", "most"), [({"triangles": 200}, 480), ({"triangles": 400, "distance": 0.02}, 100)])
+def test_levels_lie_in_a_low_mesh_that_its_parent_shears(monkeypatch, limits, most):
+    quick_assets.quicken(monkeypatch)
+    high, low = zoo.ball("Ball", 24), zoo.ball("Ball_low", 16)
+    uneven_parent(high, low)
+    scenes.weigh(low, "group", 1.0)
+    reports = made([high], Wanted(levels=1, **limits), low=low)
+    level = bpy.data.objects[reports[1].low]
+    bpy.context.view_layer.update()
+    for sides in (np.min, np.max):
+        np.testing.assert_allclose(sides(in_world(level), axis=0), sides(in_world(high), axis=0), atol=0.2)
+    assert reports[1].triangles["low"] <= most  # and so it was where it was measured
+
+
 @pytest.mark.parametrize("is_first", [False, True])
 def test_a_part_on_a_bone_belongs_to_that_bone(is_first):
     """A rod with a skin, and a hat whose parent is the upper bone."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ...audit import appearance
 from ...audit.appearance import Appearance, SeenHighs, SeenPlaces, ShownMap
@@ -34,6 +33,7 @@ from ..bake import draw_raw
 from ..baked import Baked
 from ..job import Request, check_job, closed, read_meshes
 from ..temporary import TEMPORARY
+from . import skins
 from .decimation import UvMesh
 from .high_surface import HighSurface
 from .low_meshes import LowMesh
@@ -150,7 +150,7 @@ class AppearanceJudge:
     def shared(self, wanted: Wanted, low: UvMesh, texels: np.ndarray) -> Task[Seen]:
         """What has a limit, of a level that shows the map of the low object. texels: as `normal_map` returns them."""
         with self._object_of(low) as obj:
-            obj.matrix_world = Matrix(low.to_world)
+            skins.put_in_place_of(obj, bpy.data.objects[low.name])
             self._context.view_layer.update()
             distance = self._high.distance(obj) if wanted.distance < math.inf else 0.0
             seen = (yield from self.with_map(obj, texels)) if wanted.degrees < math.inf else None

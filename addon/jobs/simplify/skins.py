@@ -12,6 +12,7 @@ from functools import partial
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ...core.declarations.choices import Modifiers
 from ...core.errors import shorten_list
@@ -28,6 +29,8 @@ OF_MODIFIER = (
     *("invert_vertex_group", "show_viewport", "show_render", "show_in_editmode", "show_on_cage"),
 )
 """The properties of an Armature modifier that its copies have."""
+KINDS = {"OBJECT", "ARMATURE", "BONE"}
+"""Of parents that low objects have, too."""
 
 
 @dataclass(frozen=True)
@@ -206,13 +209,31 @@ class Skin:
         while above.parent in highs:
             above = above.parent
         parent, is_bone = above.parent, above.parent_type == "BONE" and armed is None
-        if parent is None or above.parent_type not in {"OBJECT", "ARMATURE", "BONE"}:
-            return
-        before = low.matrix_world.copy()
-        low.parent, low.parent_type = parent, "BONE" if is_bone else "OBJECT"
-        low.parent_bone = above.parent_bone if is_bone else ""
-        bpy.context.view_layer.update()
-        low.matrix_world = before
+        if parent is not None and above.parent_type in KINDS:
+            _put_below(low, parent, above.parent_bone if is_bone else "")
+
+
+def put_in_place_of(obj: bpy.types.Object, other: bpy.types.Object) -> None:
+    """Put an object where another one is, below the same parent."""
+    obj.matrix_world = other.matrix_world
+    if other.parent is not None and other.parent_type in KINDS:
+        _put_below(obj, other.parent, other.parent_bone if other.parent_type == "BONE" else "")
+
+
+def _put_below(obj: bpy.types.Object, parent: bpy.types.Object, bone: str) -> None:
+    """Give an object a parent without moving it. bone: its name, where the parent is one.
+
+    The inverse of the parent's matrix has what a place, a turn and a scale cannot have: what is turned below a parent of
+    uneven scale is sheared.
+    """
+    before = obj.matrix_world.copy()
+    obj.parent, obj.parent_type, obj.parent_bone = parent, "BONE" if bone else "OBJECT", bone
+    obj.matrix_parent_inverse, obj.matrix_basis = Matrix(), Matrix()
+    bpy.context.view_layer.update()
+    of_parent = obj.matrix_world.copy()
+    obj.matrix_basis = before
+    obj.matrix_parent_inverse = of_parent.inverted_safe() @ before @ obj.matrix_basis.inverted_safe()
+    bpy.context.view_layer.update()
 
 
 def _armature_modifiers(obj: bpy.types.Object, for_render: bool) -> list[bpy.types.ArmatureModifier]:
