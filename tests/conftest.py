@@ -30,9 +30,10 @@ ASSETS = imprint.ROOT.parent / "shared" / "assets"
 
 
 LONGEST = (
-    *("test_other_drivers", "test_blender_engines", "test_asset_zoo", "test_asset", "test_part_state", "test_random"),
-    *("test_skins", "test_spirv", "test_workers", "test_uses"),
-    *("test_every_texel", "test_saved_files", "test_slices", "test_appearance", "test_openness", "test_endurance"),
+    *("test_other_drivers", "test_asset", "test_same_versions", "test_asset_zoo", "test_random", "test_bake_queue"),
+    *("test_blender_engines", "test_cycles_maps", "test_right_layer", "test_part_state", "test_spirv", "test_uses"),
+    *("test_agent_tools", "test_one_more_map", "test_appearance", "test_saved_files", "test_own_materials"),
+    *("test_right_highs", "test_slices", "test_samples", "test_every_texel", "test_operators", "test_site"),
 )
 """The files that take longest, with the slow tests. They come first, so that no process is left with one at the end."""
 
