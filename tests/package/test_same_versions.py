@@ -88,11 +88,15 @@ def test_materials_are_as_in_newer_versions(version, tmp_path):
     assert output.endswith("all as promised\n")
 
 
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    site_packages = Path(importlib.util.find_spec("bpy").origin).parent.parent
+    return imprint.build_zip(sys.executable, site_packages, imprint.ROOT, tmp_path_factory.mktemp("zip"))
+
+
 @versions_on_backends
 @pytest.mark.slow
-def test_the_zip_can_be_installed_in_other_versions(version, backend, tmp_path):
-    site_packages = Path(importlib.util.find_spec("bpy").origin).parent.parent
-    archive = imprint.build_zip(sys.executable, site_packages, imprint.ROOT, tmp_path)
+def test_the_zip_can_be_installed_in_other_versions(version, backend, tmp_path, archive):
     program = f"import os, runpy, sys; sys.argv[1:] = [{str(archive)!r}]; "
     program += f"runpy.run_path({str(HERE / 'install_zip.py')!r}, run_name='__main__'); sys.stdout.flush(); os._exit(0)"
     variables = blender_packages.backends(version)[backend]
