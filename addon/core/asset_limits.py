@@ -156,9 +156,9 @@ class Wanted:
         return min(self.degrees, self.distance) == math.inf
 
     def has_missed(self, triangles: int) -> bool:
-        """Whether a low mesh of this many triangles has not the number that was wanted."""
+        """Whether a low mesh of this many triangles has not the number that was wanted. Closed ones have no odd numbers."""
         over = triangles - self.triangles
-        return self.has_count and (abs(over) if self.is_count_given else over) > OFF * self.triangles
+        return self.has_count and (abs(over) if self.is_count_given else over) > max(1.0, OFF * self.triangles)
 
     def of_level(self, level: int, before: int) -> "Wanted":
         """The limits of a level of detail, where 0 is the low mesh itself. Each one has half the triangles of the level before

@@ -252,6 +252,8 @@ def test_only_a_number_of_triangles_that_was_given_is_a_promise():
     assert [given.has_missed(count) for count in (48, 4_900, 5_100, 5_101)] == [True, False, False, True]
     assert [default.has_missed(count) for count in (48, 4_900, 5_100, 5_101)] == [False, False, False, True]
     assert default.of_level(1, 48).triangles == 24 and not default.of_level(1, 48).has_missed(20)
+    odd = given.of_level(1, 62)  # closed meshes of 31 triangles are none
+    assert [odd.has_missed(count) for count in (29, 30, 32, 33)] == [True, False, False, True]
     assert not within.has_missed(9_000)  # the degrees decide
     assert 1.0 < within.search_limit.excess(2.0, 0.0) < 1.1  # the finished UV map costs some of them
 
