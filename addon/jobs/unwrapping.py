@@ -164,6 +164,7 @@ def is_unwrapped(low: bpy.types.Object, layer: str = "") -> bool:
     if layer not in low.data.uv_layers:
         layer = mesh_reader.active_uv_layer(low.data)
     corners = mesh_reader.uvs(low.data, layer)[mesh_reader.triangles(low.data)].astype(np.float64)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     return bool(np.linalg.det(corners[:, 1:] - corners[:, :1]).any())
 
 
@@ -539,7 +540,7 @@ def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """
     with temporary.scene() as scene:
         data = low.data.copy()
-        data.uv_layers.active = data.uv_layers.new(name=NAME)
+        data.uv_layers.active = data.uv_layers.new(name=NAME, do_init=False)  # others may not be finite
         obj = temporary.add_object(scene, data)
         obj.shape_key_clear()  # Edit Mode would begin with the points of a key
         points = foreach.vectors(data.vertices, "co") @ np.array(low.matrix_world.to_3x3(), np.float64).T

@@ -649,20 +649,20 @@ def test_a_low_mesh_and_its_uvs_are_kept():
     assert np.array_equal(uv, mesh_reader.uvs(low.data, zoo.LAYER))
 
 
-@pytest.mark.parametrize("is_empty", [False, True])
-def test_a_low_mesh_without_uvs_is_unwrapped(is_empty):
+@pytest.mark.parametrize("empty", [None, 0.5, np.nan])
+def test_a_low_mesh_without_uvs_is_unwrapped(empty):
     """An empty UV map is none, and stays."""
     high, low = zoo.terrain("Hills_high", 24), zoo.terrain("Hills_low", 6)
     layers = low.data.uv_layers
-    if is_empty:
-        layers[0].uv.foreach_set("vector", np.full(2 * len(low.data.loops), 0.5, np.float32))
+    if empty is not None:
+        layers[0].uv.foreach_set("vector", np.full(2 * len(low.data.loops), empty, np.float32))
     else:
         layers.remove(layers[0])
     before = layers.keys()
     work = task([high], low=low)
     assert any(layers.keys() != before for _ in work)
     work.close()  # after it was unwrapped
-    assert layers.keys() == before and (not is_empty or layers.active.name == before[0])
+    assert layers.keys() == before and (empty is None or layers.active.name == before[0])
     report, _ = made([high], low=low)
     assert layers.keys()[:-1] == before and layers.active.name == layers.keys()[-1]
     assert "is unwrapped" in report.asset["unwrapped"]

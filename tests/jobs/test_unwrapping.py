@@ -53,6 +53,19 @@ def test_a_mesh_is_unwrapped_and_nothing_else_changes():
     assert uv.min() > 0.0 and uv.max() < 1.0
 
 
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_uvs_that_are_not_finite_count_for_nothing(share):
+    """As broken importers write them: no face is left out for those that it had."""
+    plain, broken = zoo.ball("plain", 12), zoo.ball("broken", 12)
+    uv = np.random.default_rng(0).random((len(broken.data.loops), 2), np.float32)
+    uv[: round(share * len(uv))] = np.nan
+    broken.data.uv_layers.new(name="Broken").uv.foreach_set("vector", uv.reshape(-1))
+    for each in (plain, broken):
+        unwrapping.unwrap(each, SETTINGS)
+    found = [mesh_reader.uvs(each.data, each.data.uv_layers.active.name) for each in (plain, broken)]
+    assert np.array_equal(*found)
+
+
 def test_sharp_edges_are_borders_of_islands():
     low = bare(zoo.cube("lo"))
     low.data.set_sharp_from_angle(angle=0.5)
