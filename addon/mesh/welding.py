@@ -15,10 +15,12 @@ import numpy as np
 
 from . import topology
 from .topology import EdgeTable
-from .triangles import checked, face_areas
+from .triangles import checked, face_areas, unit
 
 LEAST_LEFT = 0.5
 """The share of the area below which thinning has lost single triangles, which no edges connect with others."""
+ONE_WAY, FLAT = 1e-3, 1e-6
+"""The angle up to which triangles at an edge lie in one plane, and the share of the edge that is the height of a line."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +64,46 @@ def weld(
 
 
 def parted(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with vertices of its own for each part that edges of two triangles connect: solids that touch are apart again.
+    """The mesh with vertices of its own for each part that edges connect: solids that touch are apart again.
 
     points: (V, 3). triangles: (T, 3) int, which keep their order.
     """
     table = EdgeTable.of(triangles)
-    one, other = (side[~table.is_against] // 3 for side in table.pairs)
+    plain = (side[~table.is_against] for side in table.pairs)
+    around = _around_solids(points, triangles, table)
+    one, other = (np.concatenate(sides) // 3 for sides in zip(plain, around, strict=True))
     parts = topology.connected(len(triangles), one, other)
     keys, numbers = np.unique(parts[:, None] * len(points) + triangles, return_inverse=True)
     return points[keys % len(points)], numbers.reshape(triangles.shape)
+
+
+def _around_solids(points: np.ndarray, triangles: np.ndarray, table: EdgeTable) -> tuple[np.ndarray, np.ndarray]:
+    """Of edges with more than two sides, the pairs (P,) int between whose triangles a solid lies. None where one of these is a
+    line, which lies nowhere around the edge."""
+    crowded = np.flatnonzero(table.is_crowded)
+    counts = table.counts[crowded]
+    begins, of = np.cumsum(counts) - counts, np.repeat(np.arange(len(crowded)), counts)
+    sides = table.sides[topology.ranges(table.begins[crowded], counts)]
+    low, high = points[table.ends[crowded]].astype(np.float64).transpose(1, 0, 2)
+    along = unit(high - low)
+    away = points[triangles[sides // 3, (sides + 2) % 3]] - low[of]
+    away -= (away * along[of]).sum(axis=1, keepdims=True) * along[of]
+    is_line = np.linalg.norm(away, axis=1) <= FLAT * np.linalg.norm(high - low, axis=1)[of]
+    has_line = np.bincount(of, is_line, len(crowded)) > 0
+    u = away[begins]
+    v = np.cross(along, u)
+    angles = np.arctan2((away * v[of]).sum(axis=1), (away * u[of]).sum(axis=1))
+    angles = (angles + ONE_WAY) % (2.0 * np.pi)
+    order = np.lexsort((angles, of))
+    ways = np.cumsum(np.diff(angles[order] + 4.0 * np.pi * of, prepend=0.0) > ONE_WAY)
+    # A side that runs to the lower vertex has the inside of its solid ahead. Where two solids touch, one ends first.
+    is_ahead = table.first[sides] > table.last[sides]
+    order = order[np.lexsort((is_ahead[order], ways))]
+    sides, is_ahead = sides[order], is_ahead[order]
+    following = np.arange(1, len(sides) + 1)
+    following[begins + counts - 1] = begins
+    chosen = is_ahead & ~is_ahead[following] & ~has_line[of]
+    return sides[chosen], sides[following[chosen]]
 
 
 @dataclass(frozen=True)

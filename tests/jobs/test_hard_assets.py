@@ -10,20 +10,25 @@ import pytest
 from addon.core.asset_limits import Mending, Wanted
 from addon.core.declarations.choices import Symmetry
 from addon.core.naming import Suffixes
-from addon.core.progress import Pace, Timings, finish
+from addon.core.progress import Pace, Progress, Timings, finish
 from addon.core.settings import Settings
 from addon.core.simplify import Candidate, Limit
 from addon.jobs import asset
 from addon.jobs.job import Job
-from addon.jobs.simplify import plane_meshes
+from addon.jobs.simplify import plane_meshes, touching_solids
+from addon.jobs.temporary import TEMPORARY
+from addon.mesh.closest import Surface
 from addon.mesh.fitting import surface_samples
 from addon.mesh.plane_collapse import Costs, collapse_on_planes
 from addon.mesh.planes import planes
+from addon.mesh.topology import EdgeTable
+from addon.mesh.triangles import enclosed_volumes, face_areas
 from addon.mesh.welding import weld
 from addon.scene import mesh_reader
 from tests.support import cad_parts, quick_assets, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
+STEP = Progress("Reading", 1.0)
 
 
 @pytest.mark.slow
@@ -60,9 +65,59 @@ def test_symmetry_that_bends_planes_is_said(monkeypatch, symmetry, is_said):
 
 def sources_of(obj):
     points, triangles = weld(*cad_parts.arrays(obj))
-    return plane_meshes.sources_of(
-        points, triangles, surface_samples(points, triangles, 1000), Timings(("decimate",)), 1.0
-    )
+    samples, timings = surface_samples(points, triangles, 1000), Timings(("decimate",))
+    return finish(plane_meshes.sources_of(points, triangles, samples, timings, bias=1.0, step=STEP))
+
+
+def united(*boxes):
+    points, triangles = weld(*cad_parts.arrays(cad_parts.loose(*(cad_parts.box(*each) for each in boxes))))
+    return points, triangles, finish(touching_solids.united(points, triangles, STEP))
+
+
+def temporary_meshes():
+    return [each for each in bpy.data.meshes if each.name.startswith(TEMPORARY)]
+
+
+BESIDE, FLUSH, ON_TOP = (2, 0, 0, 2, 2, 1), (0, 2, 0, 2, 1, 2), (3, 0, 1, 1, 1, 1)
+"""Boxes, as corner and size, that touch a cube of size 2 at the origin, or the first of them."""
+
+
+@pytest.mark.parametrize(
+    ("boxes", "volume", "area"),
+    [([BESIDE], 12.0, 36.0), ([FLUSH], 12.0, 32.0), ([BESIDE, FLUSH, ON_TOP], 17.0, 48.0)],
+)
+def test_solids_that_touch_become_one(boxes, volume, area):
+    """Its area lacks twice that of the faces between them."""
+    before = len(temporary_meshes())
+    _, _, one = united((0, 0, 0, 2, 2, 2), *boxes)
+    points, triangles = one
+    assert enclosed_volumes(points.astype(float), triangles).sum() / 6.0 == pytest.approx(volume)
+    assert face_areas(points, triangles).sum() == pytest.approx(area)
+    assert (EdgeTable.of(triangles).counts == 2).all()
+    assert len(temporary_meshes()) == before
+
+
+def test_solids_stay_as_they_are_that_are_apart_or_overlap_or_are_open():
+    """A third of them touches one of the others, so that there is something to unite."""
+    cube, away = (0, 0, 0, 2, 2, 2), (9, 0, 0, 1, 1, 1)
+    assert united(cube, away)[2] is None
+    assert united(cube, BESIDE, (0, 0, 1, 1, 1, 5))[2] is None
+    points, triangles, one = united(cube, BESIDE)
+    assert one is not None
+    assert finish(touching_solids.united(points, triangles[1:], STEP)) is None
+    turned_over = np.concatenate([triangles[:1, ::-1], triangles[1:]])
+    assert finish(touching_solids.united(points, turned_over, STEP)) is None
+
+
+def test_a_box_of_boards_is_made_as_one_solid():
+    """The fingers of its boards lie in one plane with what they touch: they take no triangles."""
+    source, *_ = sources_of(cad_parts.finger_box())
+    (low,) = finish(source.make(600))
+    made = Surface(mesh_reader.points(low.data), mesh_reader.corner_vertices(low.data).reshape(-1, 3))
+    inside = np.array([(1.5, 1.5, 5.0 + 10.0 * number) for number in range(6)], np.float32)
+    assert np.sqrt(made.closest(inside)[2]) == pytest.approx(1.5)  # from the outside: nothing is between
+    of_it = Surface(source.whole[0].points, source.whole[0].triangles).closest(source.samples.points.astype(np.float32))
+    assert np.sqrt(of_it[2]).max() < 1e-3 and len(source.samples.points) > 900
 
 
 def test_what_is_round_is_no_hard_surface():

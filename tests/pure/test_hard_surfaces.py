@@ -317,6 +317,44 @@ def test_solids_that_touch_are_apart():
         assert np.array_equal(apart[same], points[triangles])
 
 
+TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+TURN *= np.sign(np.linalg.det(TURN))
+"""To no axis, so that what is in one plane is so but for rounding."""
+
+
+def with_a_line(points, triangles):
+    """With two triangles for one at the edge from 0 to 1 along z, and a third that is a line between them and the edge."""
+    ends = [int(np.flatnonzero((points == (0.0, 0.0, z)).all(axis=1))[0]) for z in (0.0, 1.0)]
+    row, k = np.argwhere((triangles == ends[0]) & (np.roll(triangles, -1, axis=1) == ends[1]))[0]
+    low, high, third = np.roll(triangles[row], -k)
+    middle = len(points)
+    parts = [(low, middle, third), (middle, high, third), (low, high, middle)]
+    return np.concatenate([points, [(0.0, 0.0, 0.5)]]), np.concatenate([np.delete(triangles, row, axis=0), parts])
+
+
+@pytest.mark.parametrize("lined", [None, 0, 1, 2, 3])
+def test_solids_around_an_edge_are_apart(lined):
+    """Four wedges: at the axis in their middle all of them meet, at other edges two. lined: which has a line at the axis."""
+    corners, wedges = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)], float), []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        low, high = (np.array([(0, 0, z), (*start, z), (*end, z)]) for z in (0.0, 1.0))
+        wedges.append(soup(band(low, high), (high, np.array([(0, 1, 2)])), (low, np.array([(0, 2, 1)]))))
+    if lined is not None:
+        wedges[lined] = with_a_line(*wedges[lined])
+    points, triangles = soup(*((points @ TURN, triangles) for points, triangles in wedges))
+    apart, same = parted(points, triangles)
+    assert is_closed(same) and len(apart) == sum(len(wedge) for wedge, _ in wedges)
+    assert np.array_equal(apart[same], points[triangles])
+
+
+@pytest.mark.parametrize("edge", [(0, 1), (1, 0)])
+def test_sheets_around_an_edge_are_no_solids(edge):
+    """Three that point the same way around."""
+    points = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], float)
+    apart, _ = parted(points, np.array([(*edge, 2), (*edge, 3), (*edge, 4)]))
+    assert len(apart) == 9
+
+
 def test_needless_triangles_go_and_nothing_else_changes():
     mesh = plate_with_hole(0.5)
     made = without_needless(*mesh, planes(*mesh))

@@ -127,7 +127,7 @@ def finger_outline(width, height, finger, depth):
 
 
 def finger_box():
-    walls = [circle(x, 30, 1.5, 16) for x in (20, 60, 100)]
+    walls = [circle(x, 30, 1.5, 16) for x in (20, 80, 100)]
     front = extruded([finger_outline(120, 60, 5, 3), *walls, rectangle(40, 15, 30, 25)[::-1]], 0, 3, "y")
     front = swapped(front)
     back = front.copy()

@@ -295,9 +295,11 @@ def _sources(
     if not result or EdgeTable.of(triangles[stays]).bad_edge_share <= MOST_BAD_EDGES:
         on_it = everywhere.chosen(stays[everywhere.triangles])
         result += sources_of(outside, on_it, timings, bias=REMESH_BIAS if result else 1.0)
-    yield _reading(1.0)
     plain, _ = result[-2:]
-    return result + plane_meshes.sources_of(*arrays(outside), plain.samples, timings, PLANES_BIAS * plain.bias)
+    bias, step = PLANES_BIAS * plain.bias, _reading(1.0)
+    yield step
+    hard = plane_meshes.sources_of(*arrays(outside), plain.samples, timings, bias=bias, step=step)
+    return result + (yield from hard)
 
 
 def _mirror(points: np.ndarray, triangles: np.ndarray, outer: Samples, symmetry: Symmetry, name: str) -> Plane | None:

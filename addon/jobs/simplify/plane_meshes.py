@@ -8,15 +8,16 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...core.progress import Task, Timings, aside, relay
+from ...core.progress import Progress, Task, Timings, aside, relay
 from ...core.simplify import Candidate, making
 from ...mesh import fitting, hard_edges, planes, welding
+from ...mesh.closest import Surface
 from ...mesh.fitting import FitOptions, Samples
 from ...mesh.plane_collapse import Costs, OnPlanes, collapse_on_planes, without_needless
 from ...mesh.planes import Planes
 from ...mesh.topology import EdgeTable, edge_keys
-from ...mesh.triangles import face_normals
-from . import low_meshes
+from ...mesh.triangles import diagonal, face_normals
+from . import low_meshes, touching_solids
 from .low_meshes import LowMesh
 
 LEAST_SHARE = 0.3
@@ -36,6 +37,8 @@ HELD = 5e-4, 0.0, None
 """The shares of the surface, tried in turn, from which planes hold their vertices; None if all vertices stay."""
 TURNED = 1e-6
 """The share of a mesh's area from which a triangle counts that is turned over."""
+ON_IT = 1e-4
+"""The share of the diagonal up to which a sample lies on a surface."""
 MOST = 200_000
 """The most triangles of a surface that is made coarser in this way: parts by CAD programs have fewer."""
 
@@ -116,25 +119,53 @@ def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) ->
 
 
 def sources_of(
-    points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, bias: float
-) -> list[PlaneSource]:
+    points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, *, bias: float, step: Progress
+) -> Task[list[PlaneSource]]:
     """A surface as a source for each of COSTS; none if it is not hard, or too many edges are bad, also of solids that touch,
-    one by one.
+    one by one. Solids that touch are one, if that takes fewer triangles.
 
-    points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface.
+    points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface. step: yielded while solids are united.
     """
     if len(triangles) > MOST:
         return []
     found = planes.planes(points, triangles)
     if found.large_share < LEAST_SHARE:
         return []
-    points, triangles = welding.parted(points, triangles)
-    if EdgeTable.of(triangles).bad_edge_share > MOST_BAD_EDGES:
+    one = yield from touching_solids.united(points, triangles, step)
+    given, united = _Whole.of(points, triangles, found), one and _Whole.of(*one, planes.planes(*one))
+    wholes = [each for each in (given, united) if each is not None]
+    if not wholes:
         return []
-    groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
-    whole = OnPlanes(points, triangles, np.arange(len(triangles)))
-    both = whole, without_needless(points, triangles, found)
-    return [PlaneSource(both, found, groups, samples, timings, bias, costs) for costs in COSTS]
+    whole = min(wholes, key=lambda each: len(each.both[1].triangles))
+    if whole is united:
+        samples = _on(*one, samples)
+    return [PlaneSource(whole.both, whole.planes, whole.groups, samples, timings, bias, costs) for costs in COSTS]
+
+
+@dataclass(frozen=True, eq=False)
+class _Whole:
+    """A hard surface, with the attributes of PlaneSource."""
+
+    both: tuple[OnPlanes, OnPlanes]
+    planes: Planes
+    groups: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray, triangles: np.ndarray, found: Planes) -> "_Whole | None":
+        """None if too many of its edges are bad. found: its planes."""
+        points, triangles = welding.parted(points, triangles)
+        if EdgeTable.of(triangles).bad_edge_share > MOST_BAD_EDGES:
+            return None
+        groups = hard_edges.smooth_groups(triangles, found.normals[found.of])
+        whole = OnPlanes(points, triangles, np.arange(len(triangles)))
+        return cls((whole, without_needless(points, triangles, found)), found, groups)
+
+
+def _on(points: np.ndarray, triangles: np.ndarray, samples: Samples) -> Samples:
+    """Those of samples that lie on a surface, in its triangles: not those between solids."""
+    nearest, _, squares = Surface(points, triangles).closest(samples.points.astype(np.float32))
+    is_on = squares <= (ON_IT * diagonal(points)) ** 2
+    return replace(samples, triangles=nearest).chosen(is_on)
 
 
 def shade(data: bpy.types.Mesh, shading: hard_edges.Shading) -> None:
