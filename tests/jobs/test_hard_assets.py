@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core import asset_limits
 from addon.core.asset_limits import Mending, Wanted
 from addon.core.declarations.choices import Symmetry
 from addon.core.naming import Suffixes
@@ -15,7 +16,7 @@ from addon.core.settings import Settings
 from addon.core.simplify import Candidate, Limit
 from addon.jobs import asset
 from addon.jobs.job import Job
-from addon.jobs.simplify import plane_meshes, touching_solids
+from addon.jobs.simplify import high_surface, plane_meshes, touching_solids
 from addon.jobs.temporary import TEMPORARY
 from addon.mesh.closest import Surface
 from addon.mesh.fitting import surface_samples
@@ -66,7 +67,8 @@ def test_symmetry_that_bends_planes_is_said(monkeypatch, symmetry, is_said):
 def sources_of(obj):
     points, triangles = weld(*cad_parts.arrays(obj))
     samples, timings = surface_samples(points, triangles, 1000), Timings(("decimate",))
-    return finish(plane_meshes.sources_of(points, triangles, samples, timings, bias=1.0, step=STEP))
+    surface = points, triangles
+    return finish(plane_meshes.sources_of(surface, samples, timings, bias=1.0, whole=surface, step=STEP))
 
 
 def united(*boxes):
@@ -118,6 +120,15 @@ def test_a_box_of_boards_is_made_as_one_solid():
     assert np.sqrt(made.closest(inside)[2]) == pytest.approx(1.5)  # from the outside: nothing is between
     of_it = Surface(source.whole[0].points, source.whole[0].triangles).closest(source.samples.points.astype(np.float32))
     assert np.sqrt(of_it[2]).max() < 1e-3 and len(source.samples.points) > 900
+
+
+def test_solids_that_hide_much_of_one_another_become_one():
+    """Where more is hidden, other low meshes are made without the triangles there: what is left of the solids is open."""
+    box = cad_parts.finger_box(6.0)
+    high = finish(high_surface.read(bpy.context, Job(box, [box]), Settings(), Timings(asset_limits.STAGES)))
+    assert high.hidden_share > high_surface.MOST_HIDDEN
+    source = next(each for each in high.sources if each.keeps_planes)
+    assert len(source.whole[1].triangles) < 1000  # of 1,450 with boards
 
 
 def test_what_is_round_is_no_hard_surface():

@@ -126,16 +126,18 @@ def finger_outline(width, height, finger, depth):
     return np.concatenate([right, np.column_stack([width - right[::-1, 0], right[::-1, 1]])])
 
 
-def finger_box():
+def finger_box(thick=3.0):
     walls = [circle(x, 30, 1.5, 16) for x in (20, 80, 100)]
-    front = extruded([finger_outline(120, 60, 5, 3), *walls, rectangle(40, 15, 30, 25)[::-1]], 0, 3, "y")
-    front = swapped(front)
+    outline = finger_outline(120, 60, 5, thick)
+    front = swapped(extruded([outline, *walls, rectangle(40, 15, 30, 25)[::-1]], 0, thick, "y"))
     back = front.copy()
-    back.data = moved_data(front.data, Matrix.Translation((0, 77, 0)))
+    back.data = moved_data(front.data, Matrix.Translation((0, 80 - thick, 0)))
     bpy.context.scene.collection.objects.link(back)
-    sides = [box(x, 0, 0, 3, 80, 60) for x in (0, 117)]
-    sides = [cut(side, *[box(-1, y, z, 130, 3.0, 5) for y in (0, 77) for z in range(0, 60, 10)]) for side in sides]
-    floor = cut(box(3, 3, 0, 114, 74, 3), *holes([(x, y) for x in (20, 60, 100) for y in (20, 60)], 2, -1, 4))
+    sides = [box(x, 0, 0, thick, 80, 60) for x in (0, 120 - thick)]
+    slots = [(y, z) for y in (0, 80 - thick) for z in range(0, 60, 10)]
+    sides = [cut(side, *[box(-1, y, z, 130, thick, 5) for y, z in slots]) for side in sides]
+    floor = box(thick, thick, 0, 120 - 2 * thick, 80 - 2 * thick, 3)
+    floor = cut(floor, *holes([(x, y) for x in (20, 60, 100) for y in (20, 60)], 2, -1, 4))
     return loose(front, back, *sides, floor)
 
 

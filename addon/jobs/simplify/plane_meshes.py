@@ -119,27 +119,39 @@ def is_folded(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) ->
 
 
 def sources_of(
-    points: np.ndarray, triangles: np.ndarray, samples: Samples, timings: Timings, *, bias: float, step: Progress
+    surface: tuple[np.ndarray, np.ndarray],
+    samples: Samples,
+    timings: Timings,
+    *,
+    bias: float,
+    whole: tuple[np.ndarray, np.ndarray],
+    step: Progress,
 ) -> Task[list[PlaneSource]]:
     """A surface as a source for each of COSTS; none if it is not hard, or too many edges are bad, also of solids that touch,
     one by one. Solids that touch are one, if that takes fewer triangles.
 
-    points: (V, 3) float32. triangles: (T, 3) int. samples: of the surface. step: yielded while solids are united.
+    Args:
+        surface: points (V, 3) float32 and triangles (T, 3) int.
+        samples: of the surface.
+        timings, bias: as PlaneSource has them.
+        whole: as `surface`, with what is hidden of it.
+        step: yielded while solids are united.
     """
+    points, triangles = surface
     if len(triangles) > MOST:
         return []
     found = planes.planes(points, triangles)
     if found.large_share < LEAST_SHARE:
         return []
-    one = yield from touching_solids.united(points, triangles, step)
+    one = yield from touching_solids.united(*whole, step)
     given, united = _Whole.of(points, triangles, found), one and _Whole.of(*one, planes.planes(*one))
     wholes = [each for each in (given, united) if each is not None]
     if not wholes:
         return []
-    whole = min(wholes, key=lambda each: len(each.both[1].triangles))
-    if whole is united:
+    best = min(wholes, key=lambda each: len(each.both[1].triangles))
+    if best is united:
         samples = _on(*one, samples)
-    return [PlaneSource(whole.both, whole.planes, whole.groups, samples, timings, bias, costs) for costs in COSTS]
+    return [PlaneSource(best.both, best.planes, best.groups, samples, timings, bias, costs) for costs in COSTS]
 
 
 @dataclass(frozen=True, eq=False)
