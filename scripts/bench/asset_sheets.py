@@ -77,7 +77,8 @@ def sheet(path: Path, high: bpy.types.Object, lows: list[bpy.types.Object], fold
             upper.append((f"{high.name}, Cycles", folder / f"{name}_cycles_high.png"))
         upper.append((f"{low.name}, Cycles", folder / f"{name}_cycles_low.png"))
         lower.append((low.name, folder / f"{name}_cycles_wires.png"))
-    unwrap_shapes.draw(lows[0], folder / f"{path.stem}_layout.png", lows[0].name)
+    lower.append(("islands", folder / f"{path.stem}_layout.png"))
+    unwrap_shapes.draw(lows[0], lower[-1][1], lows[0].name)
     image = next(each for each in bpy.data.images if "normal" in each.name)
     side = 800
     image.scale(side, side)
