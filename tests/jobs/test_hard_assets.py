@@ -68,7 +68,7 @@ def sources_of(obj):
     points, triangles = weld(*cad_parts.arrays(obj))
     samples, timings = surface_samples(points, triangles, 1000), Timings(("decimate",))
     surface = points, triangles
-    return finish(plane_meshes.sources_of(surface, samples, timings, bias=1.0, whole=surface, step=STEP))
+    return finish(plane_meshes.sources_of(surface, samples, timings, bias=1.0, with_hidden=surface, step=STEP))
 
 
 def united(*boxes):
@@ -129,6 +129,20 @@ def test_solids_that_hide_much_of_one_another_become_one():
     assert high.hidden_share > high_surface.MOST_HIDDEN
     source = next(each for each in high.sources if each.keeps_planes)
     assert len(source.whole[1].triangles) < 1000  # of 1,450 with boards
+
+
+def test_the_inside_of_a_closed_crate_is_left_out():
+    """Six boards: what is united has a shell inside, which nobody sees."""
+    lids, sides = [(0, 0, z, 10, 10, 1) for z in (0, 9)], [(x, 0, 1, 1, 10, 8) for x in (0, 9)]
+    ends = [(1, y, 1, 8, 1, 8) for y in (0, 9)]
+    crate = cad_parts.loose(*(cad_parts.box(*board) for board in (*lids, *sides, *ends)))
+    high = finish(high_surface.read(bpy.context, Job(crate, [crate]), Settings(), Timings(asset_limits.STAGES)))
+    source = next(each for each in high.sources if each.keeps_planes)
+    assert len(source.whole[1].triangles) == 12
+    assert face_areas(source.whole[0].points, source.whole[0].triangles).sum() == pytest.approx(600.0)
+    faces = source.whole[0].points[source.whole[0].triangles[source.samples.triangles]]
+    away = np.linalg.norm(faces - source.samples.points[:, None], axis=2).min(axis=1)
+    assert (away <= np.linalg.norm(np.ptp(faces, axis=1), axis=1)).all()  # each is in its triangle's box
 
 
 def test_what_is_round_is_no_hard_surface():

@@ -298,8 +298,8 @@ def _sources(
     plain, _ = result[-2:]
     bias, step = PLANES_BIAS * plain.bias, _reading(1.0)
     yield step
-    surface, whole = arrays(outside), (points, triangles)
-    hard = plane_meshes.sources_of(surface, plain.samples, timings, bias=bias, whole=whole, step=step)
+    surface, with_hidden = arrays(outside), (points, triangles)
+    hard = plane_meshes.sources_of(surface, plain.samples, timings, bias=bias, with_hidden=with_hidden, step=step)
     return result + (yield from hard)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.progress import Progress, Task, Timings, aside, relay
 from ...core.simplify import Candidate, making
-from ...mesh import fitting, hard_edges, planes, welding
+from ...mesh import fitting, hard_edges, planes, topology, welding
 from ...mesh.closest import Surface
 from ...mesh.fitting import FitOptions, Samples
 from ...mesh.plane_collapse import Costs, OnPlanes, collapse_on_planes, without_needless
@@ -124,7 +124,7 @@ def sources_of(
     timings: Timings,
     *,
     bias: float,
-    whole: tuple[np.ndarray, np.ndarray],
+    with_hidden: tuple[np.ndarray, np.ndarray],
     step: Progress,
 ) -> Task[list[PlaneSource]]:
     """A surface as a source for each of COSTS; none if it is not hard, or too many edges are bad, also of solids that touch,
@@ -134,7 +134,7 @@ def sources_of(
         surface: points (V, 3) float32 and triangles (T, 3) int.
         samples: of the surface.
         timings, bias: as PlaneSource has them.
-        whole: as `surface`, with what is hidden of it.
+        with_hidden: as `surface`, with what is hidden of it.
         step: yielded while solids are united.
     """
     points, triangles = surface
@@ -143,19 +143,22 @@ def sources_of(
     found = planes.planes(points, triangles)
     if found.large_share < LEAST_SHARE:
         return []
-    one = yield from touching_solids.united(*whole, step)
-    given, united = _Whole.of(points, triangles, found), one and _Whole.of(*one, planes.planes(*one))
-    wholes = [each for each in (given, united) if each is not None]
-    if not wholes:
+    given, united = _HardSurface.of(points, triangles, found), None
+    one = yield from touching_solids.united(*with_hidden, step)
+    if one is not None:
+        points, triangles, on_one = _shown(*one, samples)
+        united = _HardSurface.of(points, triangles, planes.planes(points, triangles)) if len(triangles) else None
+    usable = [each for each in (given, united) if each is not None]
+    if not usable:
         return []
-    best = min(wholes, key=lambda each: len(each.both[1].triangles))
+    best = min(usable, key=lambda each: len(each.both[1].triangles))
     if best is united:
-        samples = _on(*one, samples)
+        samples = on_one
     return [PlaneSource(best.both, best.planes, best.groups, samples, timings, bias, costs) for costs in COSTS]
 
 
 @dataclass(frozen=True, eq=False)
-class _Whole:
+class _HardSurface:
     """A hard surface, with the attributes of PlaneSource."""
 
     both: tuple[OnPlanes, OnPlanes]
@@ -163,7 +166,7 @@ class _Whole:
     groups: np.ndarray
 
     @classmethod
-    def of(cls, points: np.ndarray, triangles: np.ndarray, found: Planes) -> "_Whole | None":
+    def of(cls, points: np.ndarray, triangles: np.ndarray, found: Planes) -> "_HardSurface | None":
         """None if too many of its edges are bad. found: its planes."""
         points, triangles = welding.parted(points, triangles)
         if EdgeTable.of(triangles).bad_edge_share > MOST_BAD_EDGES:
@@ -173,11 +176,16 @@ class _Whole:
         return cls((whole, without_needless(points, triangles, found)), found, groups)
 
 
-def _on(points: np.ndarray, triangles: np.ndarray, samples: Samples) -> Samples:
-    """Those of samples that lie on a surface, in its triangles: not those between solids."""
+def _shown(points: np.ndarray, triangles: np.ndarray, samples: Samples) -> tuple[np.ndarray, np.ndarray, Samples]:
+    """What samples lie on of a surface, without shells inside it: its points and triangles, and the samples that do, in these
+    triangles: not those between solids."""
     nearest, _, squares = Surface(points, triangles).closest(samples.points.astype(np.float32))
     is_on = squares <= (ON_IT * diagonal(points)) ** 2
-    return replace(samples, triangles=nearest).chosen(is_on)
+    labels, _ = topology.components(tuple(triangles.T), len(points))
+    stays = np.isin(labels, labels[nearest[is_on]])
+    used, shown = topology.numbered(triangles[stays])
+    nearest = (np.cumsum(stays) - 1)[nearest]
+    return points[used], shown, replace(samples, triangles=nearest).chosen(is_on)
 
 
 def shade(data: bpy.types.Mesh, shading: hard_edges.Shading) -> None:
