@@ -206,7 +206,8 @@ class Process:
             except OSError:
                 self._connection.close()
                 raise
-        threading.Thread(target=self._talk, args=(messages,), name="imprint-worker", daemon=True).start()
+        self._talking = threading.Thread(target=self._talk, args=(messages,), name="imprint-worker", daemon=True)
+        self._talking.start()
 
     def _command(self, number: int) -> tuple[Sequence[str], dict[str, str]]:
         """The words that start it, and its environment. number: of its end of the connection."""
@@ -282,9 +283,10 @@ class Process:
         self._answers.put(_NO_MORE)
 
     def close(self, seconds: float = ENDING) -> None:
-        """Dismiss it, and wait some seconds before it is killed."""
+        """Dismiss it, and wait some seconds before it is killed. What it has sent until then is read."""
         self.dismiss()
         self.kill(seconds)
+        self._talking.join(ENDING)
         self._output.close()
 
     def end(self, seconds: float = ENDING) -> Ending:

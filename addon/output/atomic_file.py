@@ -83,11 +83,6 @@ def check_folder(folder: Path) -> None:
     _Guard(folder).remove()
 
 
-def folders() -> list[Path]:
-    """The folders in which this process has reserved paths."""
-    return sorted({path.path.parent for path in tuple(_OURS)})
-
-
 def remove_all() -> None:
     """Remove all temporary files of this process, before it exits."""
     for path in tuple(_OURS):
@@ -143,8 +138,14 @@ def sweep(folder: Path) -> None:
             continue
 
 
+before_first: Callable[[Path], None] | None = None
+"""Called with each folder before this process makes its first temporary file there, in any thread."""
+
+
 @cache
 def _sweep_once(folder: Path) -> None:
+    if before_first is not None:
+        before_first(folder)
     sweep(folder)
 
 

@@ -210,7 +210,7 @@ class BakeProcess(Process):
         self.lacks = frozenset(run.filled)
         """The images that its copy has as they were before this queue filled them."""
         self.folders: list[str] = []
-        """In which it has, or had, temporary files."""
+        """In which it has, or had, temporary files. All of them are here once it is closed."""
         super().__init__(messages)
 
     def _command(self, number: int) -> tuple[Sequence[str], dict[str, str]]:
@@ -222,9 +222,11 @@ class BakeProcess(Process):
 
     def _next(self) -> Any:
         received = self._connection.recv()
-        while received[0] == "share":  # nothing answers that, so that it costs the process no time
-            _, self.done, folders = received
-            self.folders = list(dict.fromkeys([*self.folders, *folders]))  # it may end before it tells the next time
+        while received[0] in {"share", "folder"}:  # nothing answers these, so that they cost the process no time
+            if received[0] == "share":
+                self.done = received[1]
+            else:
+                self.folders.append(received[1])
             received = self._connection.recv()
         return received
 

@@ -2,12 +2,13 @@
 """The program of the queue's process: bakes sets of a copy of the file, one after the other, as the window does.
 
 What a bake makes goes to the window, which puts it into its file and says whether it has. Messages are lists whose first item
-is a word: "ready", "opened", then for each set "share", "made" and "ended". The window answers each but "share", and may send
-"pause", "go" and "cancel" at any time.
+is a word: "ready", "opened", then for each set "share", "folder", "made" and "ended". The window answers each but "share" and
+"folder", and may send "pause", "go" and "cancel" at any time.
 """
 
 import faulthandler
 import os
+import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -88,20 +89,25 @@ class _Window:
         self._is_paused = self._is_canceled = False
         self._next = 0.0
         """When it is told again how far the set is, by time.monotonic."""
-        self._folders: list[str] = []
+        self._sending = threading.Lock()
 
     def send(self, *message: Any) -> None:
         try:
-            self._connection.send(list(message))
+            with self._sending:
+                self._connection.send(list(message))
         except OSError as error:
             raise _Gone from error
 
     def share(self, done: float) -> None:
-        """Tell how far the set is, unless that was told just now, and in which folders there are temporary files."""
-        now, folders = time.monotonic(), list(map(str, atomic_file.folders()))
-        if now > self._next or folders != self._folders:
-            self._next, self._folders = now + SHARE_EVERY, folders
-            self.send("share", done, folders)
+        """Tell how far the set is, unless that was told just now."""
+        now = time.monotonic()
+        if now > self._next:
+            self._next = now + SHARE_EVERY
+            self.send("share", done)
+
+    def tell_folder(self, folder: Path) -> None:
+        """Tell that a folder is about to have temporary files, which the window removes if this process is killed."""
+        self.send("folder", str(folder))
 
     def ask(self, *message: Any) -> Any:
         """Send a message, and return its answer."""
@@ -139,6 +145,7 @@ def run() -> None:
     """Bake what the window names, until it closes the connection."""
     window = _Window()
     end_with_parent()
+    atomic_file.before_first = window.tell_folder
     faulthandler.enable(all_threads=False)
     try:
         setup = Setup(**window.ask("ready"))

@@ -377,6 +377,21 @@ def test_a_process_that_is_killed_costs_one_set(file, tmp_path):
     assert not list(folder.rglob(".imprint*"))
 
 
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes of Linux")
+def test_a_process_that_is_killed_at_its_first_file_leaves_nothing(file, tmp_path):
+    """It had no time to tell how far its set is."""
+    maps = opened(file, tmp_path / "there") / "maps"
+    add("Files")
+    wait(lambda: any(item.state is Stage.BAKING for item in queue.items))
+    (number,), until = processes(), time.monotonic() + PATIENCE
+    while not list(maps.glob(".imprint*")):
+        assert time.monotonic() < until
+    os.kill(number, signal.SIGKILL)
+    wait()
+    assert states()["Files"][0] is Stage.FAILED
+    assert not list(maps.glob(".imprint*"))
+
+
 def test_undo_does_not_take_results(file, tmp_path):
     opened(file, tmp_path / "there")
     bpy.ops.ed.undo_push(message="before")
