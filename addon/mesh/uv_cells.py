@@ -60,7 +60,8 @@ class Shapes:
     """Shapes of cells.
 
     sizes (I, 2) int: the cells of each along u and v. cells (I,) int: how many it has. centers (I,): the mean row. parts:
-    where the bytes start that tell what a shape would lie on, for those from cuts[i] to cuts[i + 1] of shape i.
+    where the bytes start that tell what a shape would lie on, for those from cuts[i] to cuts[i + 1] of shape i. powers: of two,
+    ascending, those that are the lengths of parts.
     """
 
     def __init__(self, sizes: np.ndarray, runs: Runs, strip: tuple[int, int]):
@@ -76,6 +77,7 @@ class Shapes:
         again = np.flatnonzero(more)
         bits = runs.row * 8 * wide + runs.column
         bits, power = np.append(bits, (bits + more)[again]), np.append(power, power[again])
+        self.powers = np.unique(power).tolist()
         owner = np.append(runs.owner, runs.owner[again])
         parts = (power * 8 + bits % 8) * (strip[1] * wide) + bits // 8
         scattered = np.arange(len(parts)) * 0.618034 % 1.0  # so that the first few are from everywhere
@@ -88,21 +90,34 @@ class Shapes:
 class Strip:
     """The cells that are taken of a strip of the map. Rows are whole bytes, whose lowest bit is the first cell."""
 
-    def __init__(self, size: tuple[int, int], longest: int, gap: int):
+    def __init__(self, size: tuple[int, int], gap: int):
         """Begin with nothing taken.
 
         Args:
             size: the cells along u and v.
-            longest: the longest run of shapes.
             gap: the cells that are left free between two shapes.
         """
         (self.side, self.rows), self.gap, self.wide = size, gap, _bytes(size[0])
         # [k, b]: from which cells one of the next 2^k cells in the row is taken, moved down by b bits.
-        powers, each = max(1, longest).bit_length(), self.rows * self.wide
-        self._table, self._each = np.zeros(powers * 8 * each + 2 * self.wide, np.uint8), each
-        self._moved = self._table[: powers * 8 * each].reshape(powers, 8, each)
-        self._parts = np.lib.stride_tricks.as_strided(self._table, (powers * 8 * each, each), (1, 1), writeable=False)
+        self._each, most = self.rows * self.wide, self.side.bit_length()
+        self._table = np.zeros(most * 8 * self._each + 2 * self.wide, np.uint8)
+        self._parts = np.lib.stride_tricks.as_strided(
+            self._table, (most * 8 * self._each, self._each), (1, 1), writeable=False
+        )
+        self._moved = self._table[: most * 8 * self._each].reshape(most, 8, self._each)
+        self._powers = list(range(most))
         self._top = 0  # the first row from which on all are free
+
+    def clear(self, powers: list[int]) -> None:
+        """Begin again, with nothing taken: in new memory, whose pages come one by one, it takes longer.
+
+        powers: of the shapes that are added and looked at from now on.
+        """
+        end = self._top * self.wide
+        for k in range(self._powers[-1] + 1):
+            self._moved[k, : 8 if k in self._powers else 1, :end] = 0
+        self._powers = [k for k in powers if k < len(self._moved)] or [0]  # longer ones are wider than the strip
+        self._top = 0
 
     def first_free(self, shapes: Shapes, shape: int, limit: float) -> tuple[int, int] | None:
         """The first cell (along u and v) of the lowest place where the shape is free, in the rows below a limit."""
@@ -167,18 +182,18 @@ class Strip:
         self._top = max(self._top, row + len(taken))
         begin, end = row * wide, (row + len(taken)) * wide  # what is beyond a row's end counts for no shape
         self._moved[0, 0, begin:end] |= taken.reshape(-1)
-        for k in range(1, len(self._moved)):
+        for k in range(1, self._powers[-1] + 1):
             before, (whole, rest) = k - 1, divmod(1 << (k - 1), 8)
             at = self._table[before * 8 * self._each :]
             moved = at[begin + whole : end + whole] >> rest
             if rest:
                 moved |= at[begin + whole + 1 : end + whole + 1] << (8 - rest)
             np.bitwise_or(self._moved[before, 0, begin:end], moved, self._moved[k, 0, begin:end])
-        pairs = self._moved[:, 0, begin:end].astype(np.uint16)
-        pairs[:, :-1] |= pairs[:, 1:] << 8
-        np.right_shift(
-            pairs[:, None], np.arange(1, 8, dtype=np.uint16)[:, None], self._moved[:, 1:, begin:end], casting="unsafe"
-        )
+        bits = np.arange(1, 8, dtype=np.uint16)[:, None]
+        for k in self._powers:  # most shapes have rows of few lengths
+            pairs = self._moved[k, 0, begin:end].astype(np.uint16)
+            pairs[:-1] |= pairs[1:] << 8
+            np.right_shift(pairs, bits, self._moved[k, 1:, begin:end], casting="unsafe")
 
 
 @cache

@@ -165,12 +165,17 @@ def upright(outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
     is_past = so_far >= 0.5 * total[owner[is_near]]
     halves, first = np.unique(owner[is_near[is_past]], return_index=True)
     middle[halves] += away[is_near[is_past][first]]
-    least, smallest = np.full(count, np.inf), np.zeros(count)
-    for turn in np.arange(0.0, 0.5 * np.pi, 2.0 * step).tolist():
-        low, high = replace(outlines, points=_turned(outlines.points, -turn)).boxes()
-        box = (high - low).prod(axis=1)
-        smallest, least = np.where(box < least * (1.0 - 1e-9), turn, smallest), np.minimum(box, least)
-    return -np.where(is_straight, middle, smallest), is_straight
+    if not is_straight.all():
+        middle[~is_straight] = _smallest_box(outlines.chosen(~is_straight), np.arange(0.0, 0.5 * np.pi, 2.0 * step))
+    return -middle, is_straight
+
+
+def _smallest_box(outlines: Outlines, turns: np.ndarray) -> np.ndarray:
+    """The first of some angles (N,) at which the box (I,) of each shape is the smallest, if it is turned back by it."""
+    begins = np.flatnonzero(np.diff(outlines.of, prepend=-1))
+    turned = _rotations(-turns) @ outlines.points.T  # of one coordinate after the other: numpy is slow along short axes
+    box = (np.maximum.reduceat(turned, begins, axis=2) - np.minimum.reduceat(turned, begins, axis=2)).prod(axis=1)
+    return turns[(box <= box.min(axis=0) * (1.0 + 1e-9)).argmax(axis=0)]
 
 
 def _turned(points: np.ndarray, angle: float) -> np.ndarray:
@@ -407,6 +412,10 @@ class _Search:
         needed = np.where(self.is_straight, sides[0], np.min(sides, axis=0))
         return self.side / max(float(needed.max()), 1e-300) * (1.0 - 1e-9)
 
+    @cached_property
+    def _strip(self) -> Strip:
+        return Strip((self.side, int(STRIP * self.side)), self.gap)
+
     def _need(self, size: float) -> float:
         """About the cells that islands take, with the margin around them."""
         return float(np.polyval(self._polynomial, size))
@@ -532,11 +541,11 @@ class _Search:
         shapes, rows = turned.shapes, int(min(limit, STRIP * self.side))
         high = shapes.sizes[:, 1].tolist()
         above = (rule[0] * shapes.centers + rule[1] * shapes.sizes[:, 1]).tolist()
-        longest = int(shapes.runs.length.max())
-        strip, places, top = Strip((self.side, int(STRIP * self.side)), min(longest, self.side), self.gap), {}, 0
+        strip, places, top = self._strip, {}, 0
+        strip.clear(shapes.powers)
         if taken is not None:
             strip.take(taken)
-        for item in order:
+        for number, item in enumerate(order, 1):
             best, lowest = None, np.inf
             for height, shape in sorted((above[shape], shape) for shape in turned.of[item]):
                 place = strip.first_free(shapes, shape, min(lowest - height, rows - high[shape] + 1))
@@ -546,7 +555,8 @@ class _Search:
                 cells = shapes.cells[: len(turned.of)]
                 return rows * min(max(1.05, cells.sum() / max(1, cells[list(places)].sum())), TOO_HIGH), {}
             places[item] = best
-            strip.add(shapes, *best)
+            if number < len(order):
+                strip.add(shapes, *best)
             top = max(top, best[2] + high[best[0]])
         return top, places
 

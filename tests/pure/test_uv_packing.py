@@ -84,6 +84,8 @@ def test_what_does_not_fit_is_not_packed():
         assert pack(corners, islands, margin) is None
     assert pack(0.0 * corners, islands, MARGIN) is None
     assert pack(np.nan * corners, islands, MARGIN) is None
+    corners, islands = boxes([(100.0, 100.0)])
+    assert beside(corners, islands, between([0.4], [0.6])) is None
 
 
 def test_an_island_lies_in_the_hole_of_another():
@@ -152,7 +154,7 @@ def test_many_small_islands_keep_their_distance():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_lowest_free_place_is_found(seed):
-    """Beside a search of all places, one after the other."""
+    """Beside a search of all places, one after the other. In a strip where shapes were, and that is clear again."""
     random = np.random.default_rng(seed)
     sizes = random.integers(1, 14, (30, 2))
     masks = [random.random(size[::-1]) < 0.6 for size in sizes.tolist()]
@@ -167,7 +169,10 @@ def test_the_lowest_free_place_is_found(seed):
     runs = uv_cells.Runs(*np.array(rows).T)
     side, height, gap = 37 + seed, 60, 2
     shapes = uv_cells.Shapes(sizes, runs, (side, height))
-    strip, taken = uv_cells.Strip((side, height), 16, gap), np.zeros((height, side), bool)
+    strip, taken = uv_cells.Strip((side, height), gap), np.zeros((height, side), bool)
+    for k in range(len(masks)):
+        strip.add(shapes, k, k % (side - 13), k)
+    strip.clear(shapes.powers)
     assert shapes.cells.tolist() == [mask.sum() for mask in masks]
     for k, mask in enumerate(masks):
         high, wide = mask.shape
