@@ -194,8 +194,17 @@ def spring() -> bpy.types.Object:
     return tube_along(np.stack([np.cos(a), np.sin(a), a / 12.0], axis=1), circle(8, 0.12))
 
 
+def sphere(rings: int) -> bpy.types.Object:
+    """With its faces in one order: Blender gives them another one each time, and charts that grow from them differ."""
+    data = primitive("uv_sphere", segments=2 * rings, ring_count=rings).data
+    faces = [tuple(polygon.vertices) for polygon in data.polygons]
+    firsts = [face.index(min(face)) for face in faces]
+    turned = sorted(face[first:] + face[:first] for face, first in zip(faces, firsts, strict=True))
+    return build(mesh_reader.points(data), turned)
+
+
 def bumpy(rings: int) -> bpy.types.Object:
-    obj = primitive("uv_sphere", segments=2 * rings, ring_count=rings)
+    obj = sphere(rings)
     points = mesh_reader.points(obj.data).astype(np.float64)
     x, y, z = points.T
     points *= (1.0 + 0.08 * np.sin(9.0 * x) * np.cos(7.0 * y + 5.0 * z))[:, None]
@@ -248,7 +257,7 @@ def shapes(assets: Path | None) -> dict[str, Callable[[], bpy.types.Object]]:
         "tube": partial(primitive, "cylinder", vertices=24, end_fill_type="NOTHING"),
         "cone": partial(primitive, "cone", vertices=24),
         "torus": partial(primitive, "torus", major_segments=24, minor_segments=12),
-        "sphere": partial(primitive, "uv_sphere", segments=24, ring_count=12),
+        "sphere": partial(sphere, 12),
         "rounded": lambda: modified(primitive("cube"), "BEVEL", width=0.3, segments=3),
         "ring": ring,
         "frame": frame,
