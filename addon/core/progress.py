@@ -39,6 +39,8 @@ class Progress:
     """Of a bake that has just been finished: its maps stay, also if the work is closed now."""
     failure: tuple[str, str] | None = None
     """The low object of a bake that has just failed, and why, where the next ones are baked all the same."""
+    is_before_long: bool = False
+    """Whether a slice follows that may take long and cannot be divided: the window looks at its events before."""
 
 
 Step = TypeVar("Step")
@@ -104,11 +106,12 @@ def aside(work: Callable[[], Result], step: Progress) -> Task[Result]:
 
 
 def run_for(work: Task[Result], seconds: float) -> Progress:
-    """Run `work` for about `seconds`. Returns the last step. Raises StopIteration, with the result as value, at the end."""
+    """Run `work` for about `seconds`, or until a long operation follows. Returns the last step. Raises StopIteration, with the
+    result as value, at the end."""
     start = time.perf_counter()
     while True:
         step = next(work)
-        if time.perf_counter() - start > seconds:
+        if step.is_before_long or time.perf_counter() - start > seconds:
             return step
 
 

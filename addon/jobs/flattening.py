@@ -251,7 +251,7 @@ class Flattener:
         uv = before.uv.copy()
         blocks = np.split(faces, np.flatnonzero(np.diff(groups[before.labels[faces]])) + 1)
         for done, block in enumerate(blocks):
-            yield Progress("Unwrapping", done / len(blocks))
+            yield Progress("Unwrapping", done / len(blocks), is_before_long=len(block) > AT_ONCE)
             corners = topology.ranges(self._starts[block], self._sizes[block])
             found = self._by_blender(block, corners, before.nodes, method)
             if found is not None:

@@ -206,16 +206,19 @@ def test_a_flat_ring_stays_whole():
 
 
 def test_the_copy_of_a_mesh_is_unwrapped_in_small_steps(monkeypatch):
-    """So that Esc ends it at once: no call of Blender has many more faces than AT_ONCE."""
+    """So that Esc ends it at once: no call of Blender has many more faces than AT_ONCE, and events come before one with
+    more."""
     monkeypatch.setattr(flattening, "AT_ONCE", 20)
-    sizes, unwrapped = [], flattening.Flattener._by_blender
+    calls, is_told, unwrapped = [], False, flattening.Flattener._by_blender
     monkeypatch.setattr(
         flattening.Flattener,
         "_by_blender",
-        lambda self, faces, *rest: sizes.append(len(faces)) or unwrapped(self, faces, *rest),
+        lambda self, faces, *rest: calls.append((len(faces), is_told)) or unwrapped(self, faces, *rest),
     )
-    unwrapping.unwrap(bare(zoo.sphere("lo", 8)), SETTINGS, is_quick=True)
-    assert len(sizes) > 2 and max(sizes) < 100
+    for step in unwrapping.work(bare(zoo.sphere("lo", 8)), SETTINGS, is_quick=True):
+        is_told = step.is_before_long
+    assert len(calls) > 2 and max(calls) < (100, True)
+    assert {is_told == (size > 20) for size, is_told in calls} == {True} and len({told for _, told in calls}) == 2
 
 
 def test_no_chart_of_too_many_faces_is_unwrapped_by_blender(monkeypatch):

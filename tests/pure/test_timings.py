@@ -26,6 +26,7 @@ from addon.core.progress import (
     aside,
     costs_of_rows,
     finish,
+    run_for,
 )
 
 
@@ -267,6 +268,16 @@ def test_most_slices_draw_no_picture(monkeypatch):
         clock.now += 0.05
     assert slices >= 400
     assert 20.0 / (Pace.PICTURES + 0.05) <= pictures <= 20.0 / Pace.PICTURES + 1
+
+
+def test_a_tick_ends_after_its_seconds_and_before_a_long_operation(clock):
+    def work():
+        for number in range(9):
+            clock.now += 0.05
+            yield Progress("Unwrapping", number / 9, is_before_long=number == 3)
+
+    task = work()
+    assert [round(9 * run_for(task, 0.12).done) for _ in range(3)] == [2, 3, 6]
 
 
 def test_what_runs_aside_has_steps_until_it_ends():
