@@ -806,10 +806,12 @@ def part_unwrap() -> Steps:
     yield from click_row("rock")
     yield from keys("g", "x", "0", "Return")  # a step before
     before = kept()
+    ticks = timed_ticks()
     yield from press("imprint.unwrap")
     yield from until(lambda: display.current is not None and display.current.done > 0.3)
     picture("unwrapping")
     stages = yield from stages_of_asset()
+    check(f"no tick of {len(ticks)} takes longer than 0.3 s: {max(ticks):.2f}", max(ticks) < 0.3)
     picture("unwrapped")
     check("a UV map", len(bpy.data.objects["rock"].data.uv_layers) == 1)
     yield from keys("ctrl+z")
@@ -818,9 +820,7 @@ def part_unwrap() -> Steps:
         seconds = yield from escape(
             "imprint.unwrap", stages[number:], lambda: len(bpy.data.objects["rock"].data.uv_layers) > 0
         )
-        check(
-            f"Esc in {name!r} acts within 0.3 s: {seconds:.2f}", seconds < 0.3
-        )  # of this process: others may run beside it
+        check(f"Esc in {name!r} acts within 0.3 s after a tick: {seconds:.2f}", seconds < 0.3)
         check(f"Esc in {name!r} leaves nothing", kept() == before)
     picture("stopped")
 
@@ -990,12 +990,28 @@ def stages_of_asset() -> Iterator[float]:
     return seen
 
 
+def timed_ticks() -> list[float]:
+    """The seconds of this process that each tick of a task takes from now on, in a list that grows."""
+    ticks, advance = [], modal.Runner.advance
+
+    def timed(runner: modal.Runner, context: bpy.types.Context) -> None:
+        start = time.process_time()
+        try:
+            advance(runner, context)
+        finally:
+            ticks.append(time.process_time() - start)
+
+    modal.Runner.advance = timed
+    return ticks
+
+
 ATTEMPTS = 3
 
 
 def escape(button: str, stages: list[str], is_made) -> Iterator[float]:
     """Select the rock, click a button, and press Esc when its task is in the first of these stages, or in a later one. Checks
-    that this came before the end. Returns the seconds of this process until the task ended.
+    that this came before the end. Returns the seconds until the task ended of the thread that answers keys: software draws the
+    viewport in others, for 0.3 to 0.5 s of the process, also if no task runs.
 
     On a busy machine the task may end before the key arrives. Then it is undone and begun again. is_made: whether what the
     task makes is there.
@@ -1006,10 +1022,10 @@ def escape(button: str, stages: list[str], is_made) -> Iterator[float]:
         yield from click_row("rock")
         yield from press(button)
         yield from until(lambda: modal.runner.run is None or stage() in stages, every=0.01)
-        start = time.process_time()
+        start = time.thread_time()
         mouse("key", "Escape")
         yield from until(lambda: modal.runner.run is None, every=0.01)
-        seconds = time.process_time() - start
+        seconds = time.thread_time() - start
         yield 0.5
         if not is_made():
             break
