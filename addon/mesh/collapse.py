@@ -155,13 +155,20 @@ class State:
         state.pose(motions, weights, (center, size))
         return state
 
-    def pose(self, motions: np.ndarray | None, weights: np.ndarray, within: tuple[np.ndarray, float]) -> None:
-        """Let distances in poses count, too: before the first step. within: the box around the points."""
+    def pose(
+        self,
+        motions: np.ndarray | None,
+        weights: np.ndarray,
+        within: tuple[np.ndarray, float],
+        is_inner: np.ndarray | None = None,
+    ) -> None:
+        """Let distances in poses count, too: before the first step. within: the box around the points. is_inner: as of
+        quadrics.quadrics_of."""
         center, size = within
         for motion in () if motions is None else motions:
             turns, shifts = motion[..., :3], motion[..., 3]
             own = np.concatenate([turns, ((turns @ center + shifts - center) / size)[..., None]], axis=2)
-            self._poses.append(Moved.of(self.points, self.triangles, IN_POSE * weights, own))
+            self._poses.append(Moved.of(self.points, self.triangles, IN_POSE * weights, own, is_inner))
 
     def resume(self, start: PartialCollapse) -> None:
         """Take the mesh from there, with the quadrics of all faces that its vertices stand for."""

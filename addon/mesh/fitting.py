@@ -314,7 +314,11 @@ class _System:
 
 
 def slid(
-    points: np.ndarray, triangles: np.ndarray, found: tuple[np.ndarray, np.ndarray], places: Samples
+    points: np.ndarray,
+    triangles: np.ndarray,
+    found: tuple[np.ndarray, np.ndarray],
+    places: Samples,
+    free: np.ndarray | None = None,
 ) -> np.ndarray:
     """Where vertices lie so that places on the mesh are nearest to those that they stand for, the same in a UV layout:
     (V, 3) float64. No triangle is turned over.
@@ -327,13 +331,15 @@ def slid(
         triangles: (T, 3) int.
         found: the triangle (N,) int of each place, and its barycentric coordinates (N, 3) there.
         places: what they stand for, on the surface.
+        free: (V, 3, 3), as of FitOptions, onto axes alone.
     """
     start = points.astype(np.float64)
     vertices, shares = triangles[found[0]], found[1]
     weights = shares * (places.shares / places.shares.sum())[:, None]
 
     def gathered(values: np.ndarray) -> np.ndarray:
-        return topology.sums_of(vertices.reshape(-1), (weights[..., None] * values[:, None]).reshape(-1, 3), len(start))
+        sums = topology.sums_of(vertices.reshape(-1), (weights[..., None] * values[:, None]).reshape(-1, 3), len(start))
+        return sums if free is None else np.einsum("vij,vj->vi", free, sums)
 
     off = places.points - np.einsum("nc,ncx->nx", shares, start[vertices])
     diagonal = np.bincount(vertices.reshape(-1), (weights * shares).reshape(-1), len(start))[:, None] + SLIDE_PULL

@@ -12,13 +12,14 @@ quadrics of UVs, whose values were those along the edge; with them 1.86, 3.57 an
 places leave no mesh below 812.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from . import topology
 from .collapse import IN_POSE, CollapseOptions, State, box
-from .quadrics import Mapped, quadrics_of, side_planes, summed
+from .mirrors import Plane
+from .quadrics import Mapped, Quadrics, quadrics_of, side_planes, summed
 from .topology import EdgeTable
 from .triangles import checked, face_areas, face_normals, unit_normals
 from .uv_seams import CONNECTED
@@ -55,6 +56,7 @@ class Charted:
         labels: (T,) int, of triangles, as the material slot: lines run between those that differ.
         layers: The UV layers whose islands count.
         faces: (T,) int, the triangle of the finest mesh that each one was; None for that itself.
+        mirror: Where it was cut, of a half with the layers of both sides, see mesh/layout_halves.py; None if it is whole.
     """
 
     points: np.ndarray
@@ -63,6 +65,23 @@ class Charted:
     labels: np.ndarray
     layers: int = 1
     faces: np.ndarray | None = None
+    mirror: Plane | None = None
+
+    @property
+    def on_plane(self) -> np.ndarray:
+        """The vertices (V,) bool of a half that its mirror image has, too."""
+        if self.mirror is None:
+            return np.zeros(len(self.points), bool)
+        return self.points[:, self.mirror.axis] == self.mirror.place
+
+    @property
+    def free(self) -> np.ndarray | None:
+        """Where vertices may move so that those of a half stay in its plane, as FitOptions has it."""
+        if self.mirror is None:
+            return None
+        result = np.tile(np.eye(3), (len(self.points), 1, 1))
+        result[self.on_plane, self.mirror.axis] = 0.0
+        return result
 
     @property
     def wedges(self) -> np.ndarray:
@@ -98,16 +117,21 @@ def collapse_layout(mesh: Charted, options: CollapseOptions, room: float) -> Cha
         options: how coarse it becomes, or less where the next edge moves the surface too far; `start` is not used.
         room: how far borders of islands may move outwards in the first UV layer, as a share of the map's side.
     """
-    points, _ = checked(mesh.points, mesh.triangles)
+    checked(mesh.points, mesh.triangles)
     state = LayoutState(mesh, options, room)
     poses = 0 if options.motions is None else len(options.motions)
     area = float(face_areas(state.points, state.triangles).sum())
-    state.run(options.triangles, FARTHEST**2 * area * (1.0 + IN_POSE * poses))
-    center, size = box(points)
+    state.run(options.triangles, FARTHEST**2 * area * (1.0 + state.of_side * IN_POSE * poses))
+    center, size = state.within
     used, triangles = topology.numbered(state.triangles)
-    values = state.values[state.wedges]
-    labels = mesh.labels[state.faces]
-    return Charted(state.points[used] * size + center, triangles, values, labels, mesh.layers, state.faces)
+    return replace(
+        mesh,
+        points=state.points[used] * size + center,
+        triangles=triangles,
+        values=state.values[state.wedges],
+        labels=mesh.labels[state.faces],
+        faces=state.faces if mesh.faces is None else mesh.faces[state.faces],
+    )
 
 
 class LayoutState(State):
@@ -118,9 +142,11 @@ class LayoutState(State):
         values: (W, K), of the wedges.
         faces: (T,) int, which triangle each one was.
         scales: (T, layers), the signed areas in the layout for an area on the surface, when each triangle was that.
-        maps: The quadrics of wedges, in the first UV layer.
+        maps: The quadrics of wedges, in the first UV layer, and in that of the other side.
         drift: (W,), how far the border at a wedge has moved outwards.
         room: how far it may.
+        within: The middle (3,) and the size of the box in which points are.
+        of_side: How much each of the sides counts in what both have.
     """
 
     at_once = AT_ONCE
@@ -132,33 +158,66 @@ class LayoutState(State):
         begins = edges.begins[lines(edges, wedges) & (edges.counts == 2)]
         sides = edges.sides[np.concatenate([begins, begins + 1])]
         center, size = box(mesh.points)
+        self._axis, is_inner = None, None
+        if mesh.mirror is not None:
+            self._axis, is_inner = mesh.mirror.axis, mesh.on_plane
+            center[mesh.mirror.axis] = mesh.mirror.place  # what lies in the plane is exactly at 0
         points, triangles = (mesh.points.astype(np.float64) - center) / size, mesh.triangles.astype(np.int64)
         normals, _ = unit_normals(points[triangles])
         along = summed([side_planes(points, edges, sides, normals, LINE * weights)], len(points))
-        inner = quadrics_of(points, triangles, weights)
+        inner = quadrics_of(points, triangles, weights, is_inner)
         super().__init__(points, triangles, (inner[0] + along[0], inner[1] + along[1], inner[2] + along[2]))
-        self.pose(options.motions, weights, (center, size))
+        firsts = [0] if mesh.mirror is None else [0, mesh.layers // 2]
+        self.within, self.of_side = (center, size), 1.0 / len(firsts)
+        self.pose(options.motions, self.of_side * weights, self.within, is_inner)
         self.wedges, self.room, self.faces = wedges, room, np.arange(len(mesh.triangles))
         self.values = np.zeros((int(wedges.max(initial=-1)) + 1, mesh.values.shape[-1]))
         self.values[wedges.reshape(-1)] = mesh.values.reshape(wedges.size, -1)
         areas = np.linalg.norm(face_normals(points, triangles), axis=1)
         self.scales = uv_areas(mesh.values, mesh.layers) / np.maximum(areas, 1e-300)[:, None]
         self.drift = np.zeros(len(self.values))
-        self.maps = Mapped.of(points[triangles], mesh.values[..., :2], wedges, ALONG * weights)
+        self.maps = {
+            layer: Mapped.of(
+                points[triangles], mesh.values[..., 2 * layer : 2 * layer + 2], wedges, self.of_side * ALONG * weights
+            )
+            for layer in firsts
+        }
         self._known = np.zeros(0, np.int64), np.zeros((0, len(SHARES), 3)), np.zeros((0, len(SHARES)))
 
     def _allowed(self, edges: EdgeTable) -> np.ndarray:
         self._is_line = lines(edges, self.wedges)
+        self._is_border = self._is_line & ~self._goes_on(edges)
         self._lines_at = np.bincount(edges.ends[self._is_line].reshape(-1), minlength=len(self.points))
         return super()._allowed(edges)
+
+    @property
+    def _on_plane(self) -> np.ndarray:
+        """The vertices (V,) bool in the plane in which a half was cut."""
+        return np.zeros(len(self.points), bool) if self._axis is None else self.points[:, self._axis] == 0.0
+
+    def _goes_on(self, edges: EdgeTable) -> np.ndarray:
+        """The edges (E,) bool in that plane across which islands go on into the other half."""
+        result = edges.is_open & self._on_plane[edges.ends].all(axis=1)
+        if not result.any():
+            return result
+        side, half = edges.sides[edges.begins[result]], self.scales.shape[1] // 2
+        ends = self.wedges.reshape(-1)[side], np.roll(self.wedges, -1, axis=1).reshape(-1)[side]
+        own, other = np.split(self.values[np.stack(ends, axis=1), : 4 * half], 2, axis=2)
+        # In the layout, the other half runs the other way round, unless it lies on this one.
+        signs = np.sign(self.scales[side // 3])
+        is_beside = (signs[:, :half] == -signs[:, half:]).all(axis=1)
+        result[result] = is_beside & (np.abs(own - other) <= CONNECTED).all(axis=(1, 2))
+        return result
 
     def _placed(self, edges: EdgeTable, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         places, costs = self._optimal_placements(edges, chosen)
         ends, is_line = edges.ends[chosen], self._is_line[chosen]
         on_line = self._lines_at[ends] > 0
         goes_between = ~on_line.any(axis=1) | (is_line & (self._lines_at[ends] == 2).all(axis=1))
-        leaves_line = on_line & ~on_line[:, ::-1]
-        is_out = np.stack([leaves_line[:, 1], ~goes_between, leaves_line[:, 0]], axis=1)
+        on_plane = self._on_plane[ends]
+        leaves_plane = on_plane & ~on_plane[:, ::-1]
+        leaves = np.where(leaves_plane.any(axis=1, keepdims=True), leaves_plane, on_line & ~on_line[:, ::-1])
+        is_out = np.stack([leaves[:, 1], ~goes_between | leaves.any(axis=1), leaves[:, 0]], axis=1)
         best, rows = np.where(is_out, np.inf, costs).argmin(axis=1), np.arange(len(ends))
         self._shares = np.zeros(len(edges.ends))
         """How far along each edge (E,) the UVs lie that it becomes."""
@@ -170,7 +229,7 @@ class LayoutState(State):
         a, b = edges.ends[which].T
         owners = np.zeros(len(self.values), np.int64)
         owners[self.wedges.reshape(-1)] = self.triangles.reshape(-1)
-        now = self.maps.at(np.arange(len(owners)), self.values[:, :2])
+        now = self._mapped(np.arange(len(owners)), self.values)
         at_vertices = [
             topology.sums_of(owners, each.reshape(len(owners), -1), len(self.points)).reshape(-1, *each.shape[1:])
             for each in now
@@ -182,15 +241,31 @@ class LayoutState(State):
         for share in SHARES:
             quadrics = [each.copy() for each in here]
             for nth, pair in enumerate(sides):
-                uv = (1.0 - share) * self.values[pair[0], :2] + share * self.values[pair[1], :2]
+                values = (1.0 - share) * self.values[pair[0]] + share * self.values[pair[1]]
                 for end, wedge in enumerate(pair):
                     some = has_two & (wedge != sides[0][end]) if nth else np.ones(len(which), bool)
-                    moved = self.maps.at(wedge, uv)
+                    moved = self._mapped(wedge, values)
                     for total, new, old in zip(quadrics, moved, now, strict=True):
                         total[some] += new[some] - old[wedge[some]]
             found.append(self._best_places((quadrics[0], quadrics[1], quadrics[2]), a, b, share))
         places, costs = zip(*found, strict=True)
         return np.stack(places, axis=1), np.stack(costs, axis=1)
+
+    def _mapped(self, wedges: np.ndarray, values: np.ndarray) -> Quadrics:
+        """The quadrics of positions of wedges (N,) with values (N, K)."""
+        first, *others = (each.at(wedges, values[:, 2 * layer : 2 * layer + 2]) for layer, each in self.maps.items())
+        for other in others:
+            first = first[0] + other[0], first[1] + other[1], first[2] + other[2]
+        return first
+
+    def _best_places(
+        self, quadrics: Quadrics, a: np.ndarray, b: np.ndarray, share: float = 0.5
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if self._axis is not None:  # with an end in the plane, they stay there
+            free, on_plane = np.ones((len(a), 3)), self._on_plane
+            free[on_plane[a] | on_plane[b], self._axis] = 0.0
+            quadrics = quadrics[0] * free[:, :, None] * free[:, None], quadrics[1] * free, quadrics[2]
+        return super()._best_places(quadrics, a, b, share)
 
     def _beside(self, edges: EdgeTable, which: np.ndarray, start: np.ndarray, nth: int) -> tuple[np.ndarray, ...]:
         """The wedges (N,) at both ends of edges, on their first or second side, or on the only one. start: (N,), the ends of
@@ -227,9 +302,31 @@ class LayoutState(State):
         now = uv_areas(values[target[self.wedges[kept]]], layers)
         is_bad = now * np.sign(scales) < LEAST_UV_AREA * areas[:, None] * np.abs(scales)
         is_good[number[is_bad.any(axis=1)]] = False
+        if self._axis is not None:
+            is_good[number[(corners[..., self._axis] == 0.0).all(axis=1)]] = False
+            is_good &= self._keeps_halves_apart(edges, which, places, owner)
         _, number, far = self._moved_borders(edges, which, stay, target, values)
         is_good[number[far > self.room]] = False
         return is_good
+
+    def _keeps_halves_apart(
+        self, edges: EdgeTable, which: np.ndarray, places: np.ndarray, owner: np.ndarray
+    ) -> np.ndarray:
+        """Which collapses (N,) bool keep a half on its side of the plane, and let it meet the other along its border alone.
+        owner: (V,) int, the number of the edge of which each vertex is an end; -1 for none."""
+        on_plane, ends = self._on_plane, edges.ends
+        at_border = on_plane[ends]
+        result = at_border[which].any(axis=1) | (places[:, self._axis] > 0.0)
+        # What comes into the plane brings its edges to vertices there: they must be edges of the border already.
+        leads = at_border[:, 0] != at_border[:, 1]
+        there, comes = (np.where(at_border[leads, 0] == is_first, *ends[leads].T) for is_first in (True, False))
+        number = owner[comes]
+        here = np.where(number >= 0, np.where(on_plane[ends[which]], ends[which], -1).max(axis=1)[number], -1)
+        is_new = (here >= 0) & (here != there)
+        keys = topology.edge_keys(here[is_new], there[is_new], edges.width)
+        border = edges.keys[edges.is_open & at_border.all(axis=1)]
+        result[number[is_new][~np.isin(keys, border)]] = False
+        return result
 
     def _moved_borders(
         self, edges: EdgeTable, which: np.ndarray, stay: np.ndarray, target: np.ndarray, values: np.ndarray
@@ -240,7 +337,7 @@ class LayoutState(State):
         owner, gone = np.full(len(self.points), -1), edges.ends[which].sum(axis=1) - stay
         owner[gone[along]] = owner[stay[along]] = along
         first, last = self.wedges.reshape(-1), np.roll(self.wedges, -1, axis=1).reshape(-1)
-        lines, found = np.flatnonzero(self._is_line), []
+        lines, found = np.flatnonzero(self._is_border), []
         for nth in (0, 1):
             side = edges.sides[edges.begins[lines[edges.counts[lines] > nth]] + nth]
             ends = (edges.first[side], first[side]), (edges.last[side], last[side])
@@ -250,13 +347,15 @@ class LayoutState(State):
                 beyond = np.flatnonzero((number >= 0) & (owner[other] != number))
                 number, before, far_end = number[beyond], here[beyond], there[beyond]
                 after = target[before]
-                start, stop = values[after][:, :2], self.values[far_end][:, :2]
-                inside = turn * np.sign(self.scales[side[beyond] // 3, 0])
-                line = stop - start
-                off = (
-                    inside * _crossed(line, self.values[before][:, :2] - start) / np.maximum(np.hypot(*line.T), 1e-300)
-                )
-                found.append((after, number, np.maximum(self.drift[before], self.drift[after]) + np.maximum(off, 0.0)))
+                most = np.zeros(len(after))
+                for layer in self.maps:
+                    uv = slice(2 * layer, 2 * layer + 2)
+                    start, stop = values[after][:, uv], self.values[far_end][:, uv]
+                    inside = turn * np.sign(self.scales[side[beyond] // 3, layer])
+                    line = stop - start
+                    off = inside * _crossed(line, self.values[before][:, uv] - start)
+                    most = np.maximum(most, off / np.maximum(np.hypot(*line.T), 1e-300))
+                found.append((after, number, np.maximum(self.drift[before], self.drift[after]) + most))
         wedges, numbers, far = map(np.concatenate, zip(*found, strict=True))
         return wedges, numbers, far
 
@@ -265,7 +364,8 @@ class LayoutState(State):
         wedges, _, far = self._moved_borders(edges, which, stay, target, values)
         np.maximum.at(self.drift, wedges, far)
         self.values, self.wedges = values, target[self.wedges]
-        self.maps.merge(target)
+        for each in self.maps.values():
+            each.merge(target)
         self._collapse(np.stack([stay, edges.ends[which].sum(axis=1) - stay], axis=1), places)
 
     def _keep(self, triangles: np.ndarray, which: np.ndarray) -> None:

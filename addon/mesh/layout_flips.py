@@ -99,6 +99,7 @@ def _allowed(mesh: Charted) -> tuple[Flips, np.ndarray]:
     flips = Flips.of(mesh.triangles)
     wedges = mesh.wedges[flips.old]
     is_inside = (wedges[:, 0, :, None] == wedges[:, 1, None, :]).sum(axis=(1, 2)) == 2
+    is_inside &= ~mesh.on_plane[flips.new[:, 0, 1:]].all(axis=1)  # a half and its image would share the new edge
     flips = flips.chosen(is_inside & is_good(mesh.points, mesh.triangles[flips.old], flips.new))
     count = len(flips.old)
     of_old = (3 * flips.old[..., None] + np.arange(3)).reshape(count, 6)

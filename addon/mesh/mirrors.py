@@ -49,6 +49,13 @@ class Plane:
         result[..., self.axis] = 2.0 * self.place - points[..., self.axis]
         return result
 
+    def folded(self, samples: Samples) -> Samples:
+        """Samples, of which those of the lower side are in the places of their mirror images."""
+        is_below = samples.points[:, self.axis, None] < self.place
+        points = np.where(is_below, self.mirrored(samples.points), samples.points)
+        normals = np.where(is_below, Plane(self.axis, 0.0).mirrored(samples.normals), samples.normals)
+        return Samples(points, normals, samples.triangles, samples.shares)
+
     def both(self, samples: Samples) -> Samples:
         """Samples of one side, and their mirror images."""
         points = np.concatenate([samples.points, self.mirrored(samples.points)])
@@ -149,7 +156,13 @@ def joined(points: np.ndarray, triangles: np.ndarray, plane: Plane) -> tuple[np.
     is_on[ends[(away <= np.minimum(NEAR * mean, halfway))[ends].all(axis=1)]] = True
     is_near_as_a_whole = _farthest(away, ends) <= np.minimum(NEAR_AS_A_WHOLE * mean, halfway)
     is_on[ends[is_near_as_a_whole[ends]]] = True
-    triangles = _without_chords(triangles, edges, is_on)
+    return doubled(points, _without_chords(triangles, edges, is_on), is_on, plane)
+
+
+def doubled(
+    points: np.ndarray, triangles: np.ndarray, is_on: np.ndarray, plane: Plane
+) -> tuple[np.ndarray, np.ndarray]:
+    """A half and its mirror image as one mesh, as `joined` returns it. is_on: (V,) bool, the vertices that both have."""
     # Of multiples of a power of two, sums and differences of single precision are exact.
     largest = float(np.abs(points[:, plane.axis]).max(initial=0.0)) + abs(plane.place)
     step = 2.0 ** (np.ceil(np.log2(max(largest, 1e-30))) - 22)

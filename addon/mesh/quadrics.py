@@ -26,18 +26,35 @@ Quadrics: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Of vertices: (V, 3, 3), (V, 3) and (V,), so that x A x + 2 b x + c is the sum of squared distances from planes."""
 
 
-def quadrics_of(points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray) -> Quadrics:
-    """The quadrics of triangles and open edges. of_faces: (T,), the weights of triangles."""
+def quadrics_of(
+    points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray, is_inner: np.ndarray | None = None
+) -> Quadrics:
+    """The quadrics of triangles and open edges.
+
+    Args:
+        of_faces: (T,), the weights of triangles.
+        is_inner: (V,) bool, the vertices between which open edges are those of a half, and no borders; None for none.
+    """
     corners = points[triangles]
     normals, lengths = unit_normals(corners)
     inner = triangles, normals, corners[:, 0], of_faces * lengths / 6.0
-    return summed([inner, border_planes(points, triangles, normals, of_faces)], len(points))
+    return summed([inner, border_planes(points, triangles, normals, of_faces, is_inner)], len(points))
 
 
-def border_planes(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray, of_faces: np.ndarray) -> tuple:
-    """Planes through open edges, across their triangles, as `summed` takes them. normals: (T, 3). of_faces: (T,)."""
+def border_planes(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    normals: np.ndarray,
+    of_faces: np.ndarray,
+    is_inner: np.ndarray | None = None,
+) -> tuple:
+    """Planes through open edges, across their triangles, as `summed` takes them. normals: (T, 3). of_faces, is_inner: as of
+    `quadrics_of`."""
     edges = EdgeTable.of(triangles)
-    return side_planes(points, edges, np.sort(edges.alone), normals, BORDER * of_faces)
+    sides = np.sort(edges.alone)
+    if is_inner is not None:
+        sides = sides[~(is_inner[edges.first[sides]] & is_inner[edges.last[sides]])]
+    return side_planes(points, edges, sides, normals, BORDER * of_faces)
 
 
 def side_planes(
@@ -143,10 +160,17 @@ class Moved:
     motions: np.ndarray
 
     @classmethod
-    def of(cls, points: np.ndarray, triangles: np.ndarray, of_faces: np.ndarray, motions: np.ndarray) -> "Moved":
-        """Those of a mesh at rest. of_faces: (T,), as in `quadrics_of`."""
+    def of(
+        cls,
+        points: np.ndarray,
+        triangles: np.ndarray,
+        of_faces: np.ndarray,
+        motions: np.ndarray,
+        is_inner: np.ndarray | None = None,
+    ) -> "Moved":
+        """Those of a mesh at rest. of_faces, is_inner: as of `quadrics_of`."""
         posed = (motions[..., :3] @ points[..., None])[..., 0] + motions[..., 3]
-        return cls(quadrics_of(posed, triangles, of_faces), motions)
+        return cls(quadrics_of(posed, triangles, of_faces, is_inner), motions)
 
     def summed(self, a: np.ndarray, b: np.ndarray) -> Quadrics:
         """The quadrics of what pairs of vertices (E,) and (E,) stand for, for places in the rest pose."""

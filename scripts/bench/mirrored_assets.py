@@ -4,9 +4,10 @@
 .venv/bin/python scripts/bench/mirrored_assets.py [prop] [spot] [character] [--triangles 1500] [--levels 1] [--size 512]
 
 prop is a bumpy block with plates. spot of ../shared/assets and the character have an armature, as rigged_assets.py makes
-them. For each level: vertices without one that is exactly their mirror image, and the largest difference of weights there, with
-the bones of the other side. For the first level, without and with Stack Mirrored: the share of the map that islands cover, the
-texels along a unit of length, the share that would be covered with as many texels as without, and the mean shading error.
+them. For each level: vertices without one that is exactly their mirror image, the largest difference of weights there, with the
+bones of the other side, and the mean shading error with that of outlines. For the first level, without and with Stack Mirrored:
+the share of the map that islands cover, the texels along a unit of length, the share that would be covered with as many texels
+as without, and the mean shading error.
 """
 
 import argparse
@@ -122,10 +123,11 @@ def main() -> None:
             lows = [bpy.data.objects[report.low] for report in reports]
             if not stacks:
                 for level, low in enumerate(lows):
-                    alone, apart = unlike(low)
+                    (alone, apart), seen = unlike(low), reports[level].appearance
                     print(
                         f"{name} LOD{level}: {len(low.data.polygons):,} triangles, {alone} of {len(low.data.vertices):,} "
-                        f"vertices without a mirror image, weights differ by at most {apart:.4f}",
+                        f"vertices without a mirror image, weights differ by at most {apart:.4f}; "
+                        f"{seen['mean']:.3f} degrees, {seen['silhouette']:.2%} outline",
                         flush=True,
                     )
             covered, density = use(lows[0], options.size)

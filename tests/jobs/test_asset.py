@@ -765,22 +765,31 @@ def stump(place=0.0, dent=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0.0, 0.7])
-@pytest.mark.parametrize(("triangles", "symmetry"), [(400, Symmetry.X), (120, Symmetry.AUTO)])
-def test_an_asset_of_what_equals_its_mirror_image_does_so_to_the_bit(monkeypatch, place, triangles, symmetry):
+@pytest.mark.parametrize(("triangles", "symmetry", "levels"), [(400, Symmetry.X, 1), (120, Symmetry.AUTO, 0)])
+def test_an_asset_of_what_equals_its_mirror_image_does_so_to_the_bit(monkeypatch, place, triangles, symmetry, levels):
     monkeypatch.setattr(low_meshes, "MIRRORED_BIAS", 0.5)  # Auto takes it where it is as good
-    wanted = Wanted(triangles=triangles, mending=Mending(symmetry=symmetry))
-    report, low = made([stump(place)], wanted, replace(SETTINGS, width=128, height=128))
-    assert report.asset["symmetry"] == "X" and "symmetric along X" in "\n".join(report.summary())
-    assert len(low.data.polygons) == pytest.approx(triangles, abs=8)
-    points = mesh_reader.points(low.data).astype(np.float64)
-    middle = (points[:, 0].min() + points[:, 0].max()) / 2.0
-    assert middle == pytest.approx(place, abs=0.01)
-    image = np.stack([2.0 * middle - points[:, 0], points[:, 1], points[:, 2]], axis=1)
-    rows, others = (each[np.lexsort(each.T)] for each in (points, image))
-    assert np.array_equal(rows, others)
-    edges = EdgeTable.of(arrays(low)[1])
-    ends = points[edges.ends[edges.is_open]]
-    assert not edges.is_crowded.any() and len(ends) and (ends[..., 1] > 0.5).all()  # the hole is open, and nothing else
+    wanted = Wanted(triangles=triangles, levels=levels, mending=Mending(symmetry=symmetry))
+    reports = finish(task([stump(place)], wanted, replace(SETTINGS, width=128, height=128)))
+    assert reports[0].asset["symmetry"] == "X" and "symmetric along X" in "\n".join(reports[0].summary())
+    assert len(reports) == 1 + levels
+    for number, report in enumerate(reports):
+        low = bpy.data.objects[report.low]
+        assert len(low.data.polygons) == pytest.approx(triangles / 2**number, abs=8)
+        points = mesh_reader.points(low.data).astype(np.float64)
+        middle = (points[:, 0].min() + points[:, 0].max()) / 2.0
+        assert middle == pytest.approx(place, abs=0.01)
+        image = np.stack([2.0 * middle - points[:, 0], points[:, 1], points[:, 2]], axis=1)
+        rows, others = (each[np.lexsort(each.T)] for each in (points, image))
+        assert np.array_equal(rows, others)
+        edges = EdgeTable.of(arrays(low)[1])
+        ends = points[edges.ends[edges.is_open]]
+        assert not edges.is_crowded.any() and len(ends) and (ends[..., 1] > 0.5).all()  # the hole alone is open
+    if levels:  # its triangles and normals do so, too
+        corners, normals = points[arrays(low)[1]], mesh_reader.corner_normals(low.data)
+        for each, plane in ((corners, middle), (normals, 0.0)):
+            one, other = each.reshape(2, -1, 3, 3)
+            mirrored = np.stack([2.0 * plane - other[..., 0], other[..., 1], other[..., 2]], axis=-1)[:, ::-1]
+            assert np.allclose(one, mirrored, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -26,9 +26,10 @@ from ...mesh.carried_normals import (
     found_on,
 )
 from ...mesh.collapse import CollapseOptions
-from ...mesh.fitting import Samples
+from ...mesh.fitting import FitOptions, Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
 from ...mesh.layout_flips import Shown, flipped
+from ...mesh.layout_halves import Halves
 from ...mesh.triangles import face_areas, transformed, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
@@ -108,10 +109,19 @@ class LayoutSource:
 
     def _shaped(self, triangles: int) -> tuple[Charted, np.ndarray]:
         """A coarser mesh of about this many triangles, fitted to the high surface, and its normals (N, 3, 3)."""
-        coarse = collapse_layout(self._charted, CollapseOptions(triangles, motions=self.motions), self.room)
-        points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples)
+        halves, motions = self._halves, self.motions
+        if halves is not None:
+            triangles, motions = triangles // 2, halves.motions(motions)
+        coarse = collapse_layout(self._shaping, CollapseOptions(triangles, motions=motions), self.room)
+        points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples, FitOptions(free=coarse.free))
         coarse = self._settled(replace(coarse, points=points))
-        return coarse, self.carried_to(coarse, self._normals)
+        if halves is not None:
+            coarse = halves.joined(coarse)
+        return coarse, self._even(self.carried_to(coarse, self._normals))
+
+    def _even(self, normals: np.ndarray, *, is_level: bool = True) -> np.ndarray:
+        """Normals (T, 3, 3) of a level, or of the low mesh, that are their own mirror image if the mesh is."""
+        return normals if self._halves is None else self._halves.even(normals, is_joined=is_level)
 
     @property
     def bend(self) -> float:
@@ -140,9 +150,10 @@ class LayoutSource:
         ]
         step = Progress("Choosing normals", 0.0)
         found, *of_levels = yield from aside(partial(common_normals, [own, *others]), step)
+        found = self._even(found, is_level=False)
         faces = unit_normals(points[triangles])[0][:, None]
         is_near = (found * faces).sum(axis=2, keepdims=True) > FARTHEST_COSINE
-        return [np.where(is_near, found, self._normals), *of_levels]
+        return [np.where(is_near, found, self._normals), *map(self._even, of_levels)]
 
     def fit_normals(self, data: bpy.types.Mesh, level: "SharedLevel", texels: np.ndarray) -> None:
         """Give a level the normals with which it shows most of what the low mesh, whose `data` has its normals, shows with a
@@ -152,7 +163,7 @@ class LayoutSource:
         """
         fine, own = self._framed(data), self._framed(level.data)
         if len(own.corners) == len(level.charted.triangles):  # none is left out for its values
-            set_normals(level.data, fitted_normals(fine, own, level.charted.wedges, texels))
+            set_normals(level.data, self._even(fitted_normals(fine, own, level.charted.wedges, texels)))
 
     def _framed(self, data: bpy.types.Mesh) -> Framed:
         mesh = mesh_reader.with_tangents(data, self.mesh.layer, self.mesh.name, self.mesh.to_world)
@@ -211,6 +222,16 @@ class LayoutSource:
         return Charted(points, surface.vertices[corners], values.astype(np.float64), slots, len(data.uv_layers))
 
     @cached_property
+    def _halves(self) -> Halves | None:
+        """Those of the low mesh, if it equals its mirror image: so do its levels."""
+        return Halves.of(self._charted)
+
+    @property
+    def _shaping(self) -> Charted:
+        """What levels are collapsed from: the low mesh, or a half of it."""
+        return self._charted if self._halves is None else self._halves.half
+
+    @cached_property
     def _normals(self) -> np.ndarray:
         return unit(self.mesh.surface.normals[self.mesh.surface.triangles[self._kept]].astype(np.float64))
 
@@ -220,21 +241,25 @@ class LayoutSource:
 
     @cached_property
     def _samples(self) -> Samples:
-        """In the space of the low mesh."""
-        to_local, some = np.linalg.inv(self.mesh.to_world), self.samples.spread(FITTED)
+        """In the space of the low mesh; on the side of its half if it has one."""
+        to_local, halves = np.linalg.inv(self.mesh.to_world), self._halves
+        some = self.samples.spread(FITTED if halves is None else FITTED // 2)
         points = some.points @ to_local[:3, :3].T + to_local[:3, 3]
-        return replace(some, points=points, normals=unit(some.normals @ self.mesh.to_world[:3, :3]))
+        some = replace(some, points=points, normals=unit(some.normals @ self.mesh.to_world[:3, :3]))
+        return some if halves is None else halves.plane.folded(some)
 
     def _settled(self, coarse: Charted) -> Charted:
         """A coarser mesh with its edges turned, and its vertices along the surface, to where the low mesh has them in the
         layout: texels show their own place."""
-        points, triangles = self._surface
+        fine = self._shaping
+        points, triangles = fine.points, fine.triangles
+        faces = np.arange(len(triangles)) if fine.faces is None else fine.faces
         which, shares = np.repeat(np.arange(len(triangles)), len(INNER)), np.tile(INNER, (len(triangles), 1))
-        in_layout = self._in_layout(self._charted, np.arange(len(triangles)))
+        in_layout = self._in_layout(fine, faces)
         on_them = np.einsum("nc,ncx->nx", shares, in_layout[which])
         found, there, squares = found_on(self._in_layout(coarse, coarse.faces), on_them)
         areas, is_shown = face_areas(points, triangles)[which], squares <= WITHIN**2
-        normals = unit(np.einsum("nc,ncx->nx", shares, self._normals[which]))
+        normals = unit(np.einsum("nc,ncx->nx", shares, self._normals[faces[which]]))
         places = Samples(np.einsum("nc,ncx->nx", shares, points[triangles[which]]), normals, which, areas).chosen(
             is_shown
         )
@@ -243,7 +268,7 @@ class LayoutSource:
         if places.shares.sum() < SHOWN * areas.sum():
             return coarse
         on_it = shown.triangles, shown.shares
-        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places))
+        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places, coarse.free))
 
     def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
         """A mesh with the names of UV layers of the low one, and its numbers of materials, which it gets after the bake."""
