@@ -10,19 +10,23 @@ CELLS = 2**20
 """Cells a side of an island, at most, in which the sides of its border are sorted."""
 PAIRS_AT_ONCE = 2**20
 """Pairs of sides that are looked at together."""
+MORE = 1e-3
+"""Radians beyond a full turn that triangles around a UV vertex may have by rounding."""
 
 
 def crossing(uv: np.ndarray, nodes: np.ndarray, islands: np.ndarray) -> np.ndarray:
-    """Which triangles (T,) bool have a side where the border of their island crosses itself.
+    """Which triangles (T,) bool have a side where the border of their island crosses itself, or a corner around which they are
+    more than a full turn.
 
-    Without any, and without folds, an island does not overlap itself if it is a disk, or flat on the surface.
+    Without any, and without folds, an island does not overlap itself: a hole may lie inside out and its border not cross
+    itself, but then it has corners with more than a full turn.
 
     Args:
         uv: (T, 3, 2) float.
         nodes: (T, 3) int, the UV vertices: triangles of an island that share two are neighbors.
         islands: (T,) int from 0, the island of each triangle.
     """
-    result = np.zeros(len(islands), bool)
+    result = _turn_too_far(uv.astype(np.float64), nodes)
     border = EdgeTable.of(nodes).alone
     if not len(border):
         return result
@@ -45,6 +49,14 @@ def crossing(uv: np.ndarray, nodes: np.ndarray, islands: np.ndarray) -> np.ndarr
         found = _cross(points[one], ids[one], points[other], ids[other])
         result[border[one[found]] // 3] = result[border[other[found]] // 3] = True
     return result
+
+
+def _turn_too_far(uv: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Which triangles (T,) bool have a corner at a UV vertex whose angles are more than a full turn together."""
+    (ux, uy), (vx, vy) = (np.moveaxis(np.roll(uv, -step, axis=1) - uv, 2, 0) for step in (1, 2))
+    angles = np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy)
+    turns = np.abs(np.bincount(nodes.reshape(-1), angles.reshape(-1)))
+    return (turns > 2.0 * np.pi + MORE)[nodes].any(axis=1)
 
 
 def _cells(points: np.ndarray, islands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -434,6 +434,17 @@ def test_borders_whose_lines_alone_cross_are_apart():
     assert not crossing(uv, triangles, np.zeros(2, int)).any()
 
 
+@pytest.mark.parametrize(("gap", "is_inside_out"), [(0.3, False), (0.0, False), (-0.3, True)])
+def test_holes_that_lie_inside_out_are_found(gap, is_inside_out):
+    """A ring of triangles around a hole of four corners, the upper and the lower of which lie beyond each other."""
+    uv = np.array([(-1, 0), (0, -gap), (1, 0), (0, gap), (0, 3), (-3, 0), (0, -3), (3, 0)], float)
+    triangles = np.array([(0, 3, 4), (3, 2, 4), (0, 6, 1), (1, 6, 2), (0, 4, 5), (0, 5, 6), (2, 6, 7), (2, 7, 4)])
+    found = crossing(uv, triangles, np.zeros(8, int))
+    assert (np.linalg.det(uv[triangles[:, 1:]] - uv[triangles[:, :1]]) > 0.0).all()
+    assert found.all() if is_inside_out else not found.any()
+    assert np.array_equal(crossing(uv * (-1.0, 1.0), triangles, np.zeros(8, int)), found)
+
+
 @random_cases.seeds(12, fast=4)
 def test_all_pairs_of_sides_find_the_same_crossings(seed):
     """Long and short triangles that share no corner, in two islands: by looking at each pair."""
