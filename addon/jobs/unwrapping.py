@@ -536,19 +536,27 @@ def pack_boxes(margin: float) -> None:
 def _copy(low: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """A copy of the object's own mesh, in the proportions that the object gives it, with a new UV map, in a scene of its own.
 
-    It is around the origin and of size 1, for which single precision is enough. Vertices that are not finite are in its middle.
+    It is of size 1 and around the object's origin, or around its own middle along axes on which that is beyond it: single
+    precision is enough, and planes of mirrors stay where they are. Vertices that are not finite are at the origin.
     """
     with temporary.scene() as scene:
         data = low.data.copy()
         data.uv_layers.active = data.uv_layers.new(name=NAME, do_init=False)  # others may not be finite
         obj = temporary.add_object(scene, data)
         obj.shape_key_clear()  # Edit Mode would begin with the points of a key
-        points = foreach.vectors(data.vertices, "co") @ np.array(low.matrix_world.to_3x3(), np.float64).T
+        points = foreach.vectors(data.vertices, "co") @ _proportions(np.array(low.matrix_world.to_3x3(), np.float64))
         is_finite = np.isfinite(points).all(axis=1)
         known = points[is_finite] if is_finite.any() else np.zeros((1, 3))
         lowest, highest = known.min(axis=0), known.max(axis=0)
-        points = (points - 0.5 * (lowest + highest)) / max((highest - lowest).max(), 1e-300)
+        middle = np.where((lowest < 0.0) & (highest > 0.0), 0.0, 0.5 * (lowest + highest))
+        points = (points - middle) / max((highest - lowest).max(), 1e-300)
         points[~is_finite] = 0.0
         data.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
         data.update()
         yield obj
+
+
+def _proportions(linear: np.ndarray) -> np.ndarray:
+    """A symmetric matrix (3, 3) that changes lengths as `linear` (3, 3) does, and turns nothing: axes that are scaled stay."""
+    _, sizes, axes = np.linalg.svd(np.nan_to_num(linear, nan=0.0, posinf=0.0, neginf=0.0))
+    return (axes.T * sizes) @ axes

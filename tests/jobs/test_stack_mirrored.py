@@ -87,6 +87,25 @@ def test_the_normals_are_right_on_both_halves():
     assert found[True][1] < 1.05 * found[False][1]
 
 
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-2.0, 1.0, 0.5)])
+def test_halves_are_found_in_the_axes_of_an_object_that_is_turned(scale):
+    low = egg("lo", 6)
+    low.rotation_euler, low.scale = (0.3, 0.2, 0.5), scale
+    bpy.context.view_layer.update()
+    assert "50% of the faces on others" in finish(unwrapping.work(low, SETTINGS, is_quick=True, stacks=True))
+
+
+def test_a_part_on_one_side_leaves_the_halves_of_the_rest():
+    """An antenna moves the middle of the box, not the origin of the object."""
+    low = egg("lo", 6)
+    bpy.ops.mesh.primitive_cone_add(vertices=3, radius1=0.2, depth=0.4, location=(2.0, 0.2, 0.0))
+    with bpy.context.temp_override(selected_editable_objects=[low, bpy.context.object], active_object=low):
+        bpy.ops.object.join()
+    count = len(low.data.polygons)
+    said = finish(unwrapping.work(low, SETTINGS, is_quick=True, stacks=True))
+    assert f"{(count - 4) / 2 / count:.0%} of the faces on others" in said
+
+
 def test_what_has_no_mirror_is_unwrapped_all_the_same():
     low = egg("lo", 12)
     points = mesh_reader.points(low.data)
