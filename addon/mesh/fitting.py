@@ -17,8 +17,9 @@ from ..core import threads
 from ..core.errors import BakeError
 from . import topology
 from .closest import Surface
+from .open_borders import SAME_SIDE_COSINE, Border
 from .topology import EdgeTable, sums_of
-from .triangles import PLACES_AT_ONCE, barycentric, checked, closest_points, dot, face_normals, unit_normals
+from .triangles import PLACES_AT_ONCE, barycentric, checked, closest_points, dot, face_areas, face_normals, unit_normals
 
 STIFF = 0.02
 """How much springs at open borders count at least: no sample lies beyond these, and pulls them back."""
@@ -27,8 +28,6 @@ HERE = 1e-3
 """
 GRADIENT_STEPS = 60
 """Of conjugate gradients in a round, at most."""
-SAME_SIDE_COSINE = float(np.cos(np.radians(70.0)))
-"""The cosine up to which the normals of a sample and of the closest triangle differ, or they lie on different sides."""
 LEAST_COSINE = 0.2
 """The cosine between the normals of a triangle before and after, below which its vertices stay where they were."""
 ROUNDING_FACTOR = 1.0001
@@ -111,6 +110,7 @@ class FitOptions:
         along: how much the distance of a sample along the surface counts, against that across it: with less than 1, vertices
             slide to where they are needed, except at open borders.
         free: (V, 3, 3), onto the directions in which each vertex may move; None for all.
+        border: of the surface, to which open edges come near, too; None for none.
     """
 
     rounds: int = 4
@@ -118,6 +118,7 @@ class FitOptions:
     pull: float = 0.001
     along: float = 1.0
     free: np.ndarray | None = None
+    border: Border | None = None
 
 
 def fit(
@@ -151,6 +152,7 @@ def fit(
     if not (len(triangles) and len(surface.points)):
         raise BakeError("There is nothing to fit: the mesh has no triangles, or the surface has no area.")
     start = points.astype(np.float64)
+    area = max(float(face_areas(start, triangles).sum()) / len(surface.points), 1e-300)
     is_free = np.zeros(len(start), bool)
     is_free[triangles] = True
     now, places, beside = start, surface.points.astype(np.float32), _Beside.of(triangles)
@@ -171,10 +173,23 @@ def fit(
         across = surface.points[is_same_side] - (now[corners] * weights[..., None]).sum(axis=1)
         far = np.linalg.norm(across, axis=1, keepdims=True)
         across = np.where(far > HERE * far.mean(), across / np.maximum(far, 1e-300), normals[is_same_side])
-        system = _System(nearest[is_same_side], weights, across, triangles, len(start), options=options)
-        missing = surface.points[is_same_side] - (start[corners] * weights[..., None]).sum(axis=1)
+        found = nearest[is_same_side], weights, surface.points[is_same_side], np.full(len(weights), area)
+        beside_them, weights, wanted, areas = _and_border(found, options.border, now, triangles)
+        across = np.concatenate([across, np.zeros((len(areas) - len(across), 3))])
+        counts = areas / area
+        system = _System(beside_them, weights, across, triangles, len(start), options=options, counts=counts)
+        missing = wanted - (start[triangles[beside_them]] * weights[..., None]).sum(axis=1)
         now = _without_turns(start, start + system.solved(missing, now - start), triangles, is_free)
     return now, nearest
+
+
+def _and_border(
+    found: tuple[np.ndarray, ...], border: Border | None, points: np.ndarray, triangles: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """What was `found` of places, as Border.on has it, and of those on the border."""
+    if border is None:
+        return found
+    return tuple(map(np.concatenate, zip(found, border.on(points, triangles), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -252,7 +267,7 @@ class _System:
     """Least squares for the moves of vertices: samples, differences along edges, and the moves themselves.
 
     of_samples (N,) int: the triangles of samples, of triangles (T, 3) int. weights (N, 3): of their vertices. across (N, 3):
-    the unit directions from the mesh to samples. count: of vertices.
+    the unit directions from the mesh to samples. count: of vertices. counts: (N,), how much samples count.
     """
 
     def __init__(
@@ -264,9 +279,10 @@ class _System:
         count: int,
         *,
         options: FitOptions,
+        counts: np.ndarray,
     ):
         self._of_samples, self._weights, self._count, self._options = of_samples, weights, count, options
-        self._scale = len(of_samples) / count
+        self._scale = float(counts.sum()) / count
         self._triangles = triangles
         edges, is_border = EdgeTable.of(triangles), np.zeros(count, bool)
         self._edges = edges.ends
@@ -274,7 +290,8 @@ class _System:
         is_stiff = is_border[edges.ends].any(axis=1)
         self._springs = np.where(is_stiff, max(STIFF, options.smooth), options.smooth)[:, None]
         along = np.where(is_border[triangles].any(axis=1), 1.0, options.along)[of_samples][:, None, None]
-        self._metrics = (1.0 - along) * across[:, :, None] * across[:, None, :] + along * np.eye(3)
+        metrics = (1.0 - along) * across[:, :, None] * across[:, None, :] + along * np.eye(3)
+        self._metrics = counts[:, None, None] * metrics
         # The samples of a triangle move with its vertices alone, so that their products are summed once.
         products = (weights[:, :, None] * weights[:, None, :])[:, :, None, :, None] * self._metrics[:, None, :, None, :]
         self._products = sums_of(of_samples, products.reshape(-1, 81), len(triangles)).reshape(-1, 9, 9)
@@ -318,7 +335,7 @@ def slid(
     triangles: np.ndarray,
     found: tuple[np.ndarray, np.ndarray],
     places: Samples,
-    free: np.ndarray | None = None,
+    options: FitOptions = FitOptions(),
 ) -> np.ndarray:
     """Where vertices lie so that places on the mesh are nearest to those that they stand for, the same in a UV layout:
     (V, 3) float64. No triangle is turned over.
@@ -330,18 +347,18 @@ def slid(
         points: (V, 3) float, of the coarse mesh.
         triangles: (T, 3) int.
         found: the triangle (N,) int of each place, and its barycentric coordinates (N, 3) there.
-        places: what they stand for, on the surface.
-        free: (V, 3, 3), as of FitOptions, onto axes alone.
+        places: what they stand for, on the surface; their shares are areas.
+        options: `free`, onto axes alone, and `border` count.
     """
     start = points.astype(np.float64)
-    vertices, shares = triangles[found[0]], found[1]
-    weights = shares * (places.shares / places.shares.sum())[:, None]
+    which, shares, wanted, areas = _and_border((*found, places.points, places.shares), options.border, start, triangles)
+    vertices, weights = triangles[which], shares * (areas / places.shares.sum())[:, None]
 
     def gathered(values: np.ndarray) -> np.ndarray:
         sums = topology.sums_of(vertices.reshape(-1), (weights[..., None] * values[:, None]).reshape(-1, 3), len(start))
-        return sums if free is None else np.einsum("vij,vj->vi", free, sums)
+        return sums if options.free is None else np.einsum("vij,vj->vi", options.free, sums)
 
-    off = places.points - np.einsum("nc,ncx->nx", shares, start[vertices])
+    off = wanted - np.einsum("nc,ncx->nx", shares, start[vertices])
     diagonal = np.bincount(vertices.reshape(-1), (weights * shares).reshape(-1), len(start))[:, None] + SLIDE_PULL
     moves, rest = np.zeros_like(start), gathered(off)
     along, step = rest / diagonal, rest / diagonal

@@ -110,21 +110,22 @@ def test_moves_are_least_squares_seed_6(share, is_open):
     found, weights = dice.integers(0, len(triangles), samples), dice.dirichlet(np.ones(3), samples)
     missing, across = dice.normal(size=(2, samples, 3))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
+    counts = dice.uniform(0.5, 2.0, samples)
     options = FitOptions(smooth=0.005, along=share)
-    moves = fitting._System(found, weights, across, triangles, count, options=options)
+    moves = fitting._System(found, weights, across, triangles, count, options=options, counts=counts)
     moves = moves.solved(missing, np.zeros((count, 3)))
     # Each sample is a row across the mesh and three rows along it, of the moves of all axes.
     at_rim = np.isin(triangles[found], rim).any(axis=1)
     along = np.sqrt(np.where(at_rim, 1.0, share))[:, None, None]
     ways = across[:, :, None] * across[:, None, :]
-    metrics = ways + along * (np.eye(3) - ways)
+    metrics = np.sqrt(counts)[:, None, None] * (ways + along * (np.eye(3) - ways))
     rows = np.zeros((samples, 3, count, 3))
     for corner in range(3):
         rows[np.arange(samples), :, triangles[found, corner]] += weights[:, corner, None, None] * metrics
     steps = np.zeros((len(edges), count))
     steps[np.arange(len(edges)), edges[:, 0]], steps[np.arange(len(edges)), edges[:, 1]] = 1.0, -1.0
-    steps *= np.sqrt(np.where(np.isin(edges, rim).any(axis=1), 0.02, 0.005) * samples / count)[:, None]
-    pulls = np.sqrt(FitOptions.pull * samples / count) * np.eye(count)
+    steps *= np.sqrt(np.where(np.isin(edges, rim).any(axis=1), 0.02, 0.005) * counts.sum() / count)[:, None]
+    pulls = np.sqrt(FitOptions.pull * counts.sum() / count) * np.eye(count)
     parts = rows.reshape(3 * samples, -1), np.kron(steps, np.eye(3)), np.kron(pulls, np.eye(3))
     wanted = np.concatenate([np.einsum("nij,nj->ni", metrics, missing).reshape(-1), np.zeros(3 * (len(edges) + count))])
     exact = np.linalg.lstsq(np.concatenate(parts), wanted)[0].reshape(-1, 3)

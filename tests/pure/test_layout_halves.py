@@ -351,7 +351,7 @@ def test_vertices_in_the_plane_stay_there():
     assert (((folded.points - middle) * folded.normals).sum(axis=1) > 1.0).all()
     fitted, nearest = fitting.fit(half.points, half.triangles, folded, FitOptions(free=half.free))
     found = nearest, np.full((len(nearest), 3), 1.0 / 3.0)
-    slid = fitting.slid(half.points, half.triangles, found, samples, half.free)
+    slid = fitting.slid(half.points, half.triangles, found, samples, fitting.FitOptions(free=half.free))
     for moved in (fitted, slid):
         assert (moved[on_plane, 0] == 0.0).all() and (np.abs(moved - half.points).max(axis=0) > 0.01).all()
 

@@ -30,6 +30,7 @@ from ...mesh.fitting import FitOptions, Samples
 from ...mesh.layout_collapse import Charted, collapse_layout
 from ...mesh.layout_flips import Shown, flipped
 from ...mesh.layout_halves import Halves
+from ...mesh.open_borders import Border
 from ...mesh.triangles import face_areas, transformed, unit, unit_normals
 from ...scene import mesh_reader, mesh_writer
 from ..temporary import TEMPORARY
@@ -113,7 +114,8 @@ class LayoutSource:
         if halves is not None:
             triangles, motions = triangles // 2, halves.motions(motions)
         coarse = collapse_layout(self._shaping, CollapseOptions(triangles, motions=motions), self.room)
-        points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples, FitOptions(free=coarse.free))
+        options = FitOptions(free=coarse.free, border=self._border)
+        points, _ = fitting.fit(coarse.points, coarse.triangles, self._samples, options)
         coarse = self._settled(replace(coarse, points=points))
         if halves is not None:
             coarse = halves.joined(coarse)
@@ -240,6 +242,15 @@ class LayoutSource:
         return self._charted.points, self._charted.triangles
 
     @cached_property
+    def _border(self) -> Border | None:
+        """Of the low mesh, in its space: the high one can have borders of parts that were left out. On the side of its half if
+        it has one."""
+        border, halves = Border.of(*self._surface), self._halves
+        if border is None or halves is None:
+            return border
+        return border.chosen(border.points[:, halves.plane.axis] >= halves.plane.place)
+
+    @cached_property
     def _samples(self) -> Samples:
         """In the space of the low mesh; on the side of its half if it has one."""
         to_local, halves = np.linalg.inv(self.mesh.to_world), self._halves
@@ -268,7 +279,8 @@ class LayoutSource:
         if places.shares.sum() < SHOWN * areas.sum():
             return coarse
         on_it = shown.triangles, shown.shares
-        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places, coarse.free))
+        options = FitOptions(free=coarse.free, border=self._border)
+        return replace(coarse, points=fitting.slid(coarse.points, coarse.triangles, on_it, places, options))
 
     def _written(self, coarse: Charted, normals: np.ndarray) -> bpy.types.Mesh:
         """A mesh with the names of UV layers of the low one, and its numbers of materials, which it gets after the bake."""
