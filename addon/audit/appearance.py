@@ -3,7 +3,9 @@
 
 On each pixel that both cover, the shading error is the angle between their normals. Both sides of faces are seen, and the
 normals of back faces are turned to the viewer, as renderers do. Engines leave back faces out: those that the high mesh does not
-show are counted. So it finds what a comparison with hits of rays cannot: a map
+show are counted. On what the low mesh covers alone, and a pixel beside backs of the high mesh, outlines are off, which open
+surfaces show from behind, too: the levels of a crater, seen from behind by half of the viewers, would have 0.05, 0.08 and
+0.16 % of backs, and no face turned. So it finds what a comparison with hits of rays cannot: a map
 that shows a wrong surface exactly, turned faces, a map that is read in a wrong way, and the shape of the low mesh itself.
 """
 
@@ -100,7 +102,8 @@ class Appearance:
     Attributes:
         mean, median, percentile_95, percentile_99, maximum: Of the shading error in degrees, over all pixels that both cover.
         silhouette: The share of the pixels of either that one covers alone.
-        backs: The share of them at which the low mesh shows a back face, and the high mesh does not.
+        backs: The share of them at which the low mesh shows a back face, and the high mesh a front, with no back a pixel beside
+            it.
         distance: Between both surfaces along the view, at the 99th percentile, as a share of the diagonal of the box around
             both.
         pixels: The number compared.

@@ -48,7 +48,7 @@ EXPORTED = "degrees between the normals that were baked and those that a target 
 APPEARANCES = (
     ("mean", DEGREES, "mean of these degrees"),
     ("silhouette", SHARE, "pixels of outlines, from 40 sides, that only one of high and low mesh covers"),
-    ("backs", SHARE, "pixels, from 40 sides, at which the low mesh shows a back face and the high mesh does not"),
+    ("backs", SHARE, "pixels, from 40 sides, at which the low mesh shows a back face and the high mesh a front"),
     ("distance", SHARE, "distance between high and low mesh along the view, as a share of the diagonal"),
     ("wrong", SHARE, "texels that show the high mesh more than 20 degrees wrong from most sides"),
 )

@@ -141,9 +141,10 @@ class Report:
     appearance: dict[str, Any] = _of("findings.appearance.to_dict", default_factory=dict)
     """What a viewer sees of the low mesh with its map, and of the high meshes, from 40 sides: mean, median, percentile_95,
     percentile_99 and maximum of the degrees between both normals, on so many pixels; silhouette: the share of the pixels that
-    one of both covers alone; backs: of those at which the low mesh shows a back face, and the high mesh does not; distance:
-    between both along the view, at the 99th percentile, as a share of the diagonal; wrong: the share of the texels, by squares
-    of the map, whose mean is more than 20 degrees; worst_view: the direction towards the viewer who sees the largest mean.
+    one of both covers alone; backs: of those at which the low mesh shows a back face, and the high mesh a front, with no back
+    a pixel beside it; distance: between both along the view, at the 99th percentile, as a share of the diagonal; wrong: the
+    share of the texels, by squares of the map, whose mean is more than 20 degrees; worst_view: the direction towards the
+    viewer who sees the largest mean.
     Empty unless it was asked for."""
     tiles: list[int] = _of("tiles", default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""

@@ -73,7 +73,7 @@ def compare(
     """Fill `into` (FORMATS) with 1 + the degrees between the normals that a viewer sees of the high mesh and the low one, or
     with what is known instead; the distance between both along the view, as a share of its depth; the number of the square of
     the map, from 1; and how much the low mesh faces the viewer, from 0 to 1, or -1 less that where it shows a back face and
-    the high mesh does not.
+    the high mesh does not, neither there nor on a pixel beside it.
 
     Args:
         high: from `draw_high`.

@@ -13,6 +13,11 @@ const float SEEN_COVERED = 1.0;
 // Added to depths of back faces, too.
 const float SEEN_BACK = 2.0;
 
+bool seen_is_back(float alpha)
+{
+  return alpha > SEEN_COVERED + 0.5 * SEEN_BACK + 0.5;
+}
+
 // Renderers turn the normals of back faces to the viewer's side.
 vec3 seen_normal(vec3 normal, bool is_front)
 {

@@ -172,6 +172,32 @@ def test_some_back_faces_are_counted_as_rays_see_them(name):
     assert expected > 0.1 and found.backs == pytest.approx(expected, rel=CLOSE)
 
 
+@pytest.mark.parametrize(("beyond", "counted"), [(-5, 0), (1, 0), (5, 4)])
+def test_backs_a_pixel_beside_those_of_the_high_mesh_are_outlines(beyond, counted):
+    """A viewer sees a wall, and beside it the back of one behind it. The wall of the low mesh ends so many pixels earlier."""
+    side = 100
+    pixel = 2.0 * np.sqrt(3.0) / 0.98 / side
+
+    def walls(name, end):
+        points = [(x, y, z) for x, top in ((-1.0, 1.0), (1.0, end)) for y in (-1.0, top) for z in (-1.0, 1.0)]
+        return zoo.build(name, points, [(0, 1, 3, 2), (4, 6, 7, 5)], np.zeros((2, 4, 2)))
+
+    low, high = walls("low", -beyond * pixel), walls("high", 0.0)
+    found = seen(reading.read(bpy.context, low, [high], None, settings(space="OBJECT")), None, Detail(1, side))
+    across = 2 * round(1.0 / pixel)
+    assert found.silhouette == 0.0 and found.pixels == across**2
+    assert round(found.backs * found.pixels) == counted * across
+
+
+def test_backs_beyond_the_outline_are_no_backs():
+    """Half of the viewers see the backs of both sheets, of which one is a fifth wider."""
+    low, high = zoo.plane("low"), zoo.plane("high")
+    low.scale.x = 1.2
+    meshes = reading.read(bpy.context, low, [high], None, settings(space="OBJECT"))
+    found = seen(meshes, None, Detail(4, 240))
+    assert found.backs == 0.0 and found.silhouette == pytest.approx(1.0 / 6.0, rel=0.05)
+
+
 # What raises it
 
 

@@ -84,7 +84,8 @@ def measured(highs, low, shown=None, *, views=6, side=96):
 
 
 def backs(highs, low, *, views=6, side=96):
-    """The share of the pixels that either covers at which the low one shows a back face, and no high one does."""
+    """The share of the pixels that either covers at which the low one shows a back face, and a high one a front, and no back on
+    any of the nine pixels around."""
     everything = np.concatenate([each.points.reshape(-1, 3) for each in (*highs, low)])
     center = (everything.min(axis=0) + everything.max(axis=0)) / 2.0
     radius, shown, either = np.linalg.norm(everything - center, axis=1).max(), 0, 0
@@ -96,7 +97,8 @@ def backs(highs, low, *, views=6, side=96):
             a, b, c = np.moveaxis(points, 1, 0)
             is_back.append(((np.cross(b - a, c - a) @ towards) < 0.0)[owner] & (owner >= 0))
             covered.append(owner >= 0)
-        shown += np.count_nonzero(is_back[1] & ~is_back[0])
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(is_back[0], 1), (3, 3)).any(axis=(2, 3))
+        shown += np.count_nonzero(is_back[1] & covered[0] & ~around)
         either += np.count_nonzero(covered[0] | covered[1])
     return shown / either
 
