@@ -144,6 +144,18 @@ def whole_once(triangles: np.ndarray) -> np.ndarray:
     return triangles[first_rows(np.sort(triangles, axis=1)) == np.arange(len(triangles))]
 
 
+def whole_once_a_side(triangles: np.ndarray) -> np.ndarray:
+    """As `whole_once`, where two stay that point to opposite sides."""
+    triangles = triangles[has_corners(triangles)]
+    return triangles[first_rows(from_lowest(triangles)) == np.arange(len(triangles))]
+
+
+def from_lowest(triangles: np.ndarray) -> np.ndarray:
+    """Triangles (T, 3) int, each turned until its lowest vertex comes first: they point to the same sides."""
+    turns = np.argmin(triangles, axis=1)[:, None] + np.arange(3)
+    return np.take_along_axis(triangles, turns % 3, axis=1)
+
+
 def places(points: np.ndarray, within: float = 0.0, chosen: np.ndarray | None = None) -> np.ndarray:
     """The first vertex (V,) int in the place of each vertex.
 

@@ -29,9 +29,11 @@ class WeldOptions:
 
     Attributes:
         within: vertices that are closer become one, in the place of the first of them; 0 for those in exactly one place.
+        keeps_backs: whether two triangles in one place stay if they point to opposite sides: solids that touch have them.
     """
 
     within: float = 0.0
+    keeps_backs: bool = False
 
 
 def weld(
@@ -54,13 +56,27 @@ def weld(
     """
     points, triangles = checked(points, triangles)
     single = points.astype(np.float32)
-    used, numbers = topology.numbered(topology.whole_once(topology.places(single, options.within)[triangles]))
+    once = topology.whole_once_a_side if options.keeps_backs else topology.whole_once
+    used, numbers = topology.numbered(once(topology.places(single, options.within)[triangles]))
     # In the order of their bits: what takes triangles or edges in the order of vertices then takes them all over the surface.
     bits = (single[used] + np.float32(0.0)).view(np.dtype((np.void, 12))).reshape(-1)
     order = np.argsort(bits, kind="stable")
     ranks = np.empty(len(order), np.int64)
     ranks[order] = np.arange(len(order))
     return points[used[order]], ranks[numbers]
+
+
+def with_backs(mesh: tuple[np.ndarray, np.ndarray], source: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The triangles (N, 3) of a welded mesh, and turned over those that its source has to both sides: two solids touch there.
+
+    mesh, source: points (V, 3) float32 and triangles (T, 3) int.
+    """
+    (points, triangles), (read, corners) = mesh, source
+    of_read = topology.places(np.concatenate([points, read]))[len(points) :][corners]
+    turned = triangles[:, ::-1]
+    first = topology.first_rows(topology.from_lowest(np.concatenate([of_read, triangles, turned])))
+    is_there = (first < len(corners))[len(corners) :].reshape(2, -1).all(axis=0)
+    return np.concatenate([triangles, turned[is_there]])
 
 
 def parted(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+from mathutils import Euler, Matrix
 
 from addon.core import asset_limits
 from addon.core.asset_limits import Mending, Wanted
@@ -17,13 +18,15 @@ from addon.core.simplify import Candidate, Limit
 from addon.jobs import asset
 from addon.jobs.job import Job
 from addon.jobs.simplify import high_surface, plane_meshes, touching_solids
+from addon.jobs.simplify.touching_solids import Solids
 from addon.jobs.temporary import TEMPORARY
+from addon.mesh import flush
 from addon.mesh.closest import Surface
 from addon.mesh.fitting import surface_samples
 from addon.mesh.plane_collapse import Costs, collapse_on_planes
 from addon.mesh.planes import planes
 from addon.mesh.topology import EdgeTable
-from addon.mesh.triangles import enclosed_volumes, face_areas
+from addon.mesh.triangles import enclosed_volumes, face_areas, transformed
 from addon.mesh.welding import weld
 from addon.scene import mesh_reader
 from tests.support import cad_parts, quick_assets, zoo
@@ -67,21 +70,25 @@ def test_symmetry_that_bends_planes_is_said(monkeypatch, symmetry, is_said):
 def sources_of(obj):
     points, triangles = weld(*cad_parts.arrays(obj))
     samples, timings = surface_samples(points, triangles, 1000), Timings(("decimate",))
-    surface = points, triangles
-    return finish(plane_meshes.sources_of(surface, samples, timings, bias=1.0, with_hidden=surface, step=STEP))
+    solids = Solids(points, triangles, flush.rounding(points))
+    return finish(plane_meshes.sources_of((points, triangles), samples, timings, bias=1.0, solids=solids, step=STEP))
 
 
 def united(*boxes):
     points, triangles = weld(*cad_parts.arrays(cad_parts.loose(*(cad_parts.box(*each) for each in boxes))))
-    return points, triangles, finish(touching_solids.united(points, triangles, STEP))
+    return points, triangles, finish_united(points, triangles)
+
+
+def finish_united(points, triangles):
+    return finish(touching_solids.united(Solids(points, triangles, flush.rounding(points)), STEP))
 
 
 def temporary_meshes():
     return [each for each in bpy.data.meshes if each.name.startswith(TEMPORARY)]
 
 
-BESIDE, FLUSH, ON_TOP = (2, 0, 0, 2, 2, 1), (0, 2, 0, 2, 1, 2), (3, 0, 1, 1, 1, 1)
-"""Boxes, as corner and size, that touch a cube of size 2 at the origin, or the first of them."""
+CUBE, BESIDE, FLUSH, ON_TOP = (0, 0, 0, 2, 2, 2), (2, 0, 0, 2, 2, 1), (0, 2, 0, 2, 1, 2), (3, 0, 1, 1, 1, 1)
+"""Boxes, as corner and size, that touch the first of them, or the second."""
 
 
 @pytest.mark.parametrize(
@@ -106,9 +113,105 @@ def test_solids_stay_as_they_are_that_are_apart_or_overlap_or_are_open():
     assert united(cube, BESIDE, (0, 0, 1, 1, 1, 5))[2] is None
     points, triangles, one = united(cube, BESIDE)
     assert one is not None
-    assert finish(touching_solids.united(points, triangles[1:], STEP)) is None
+    assert finish_united(points, triangles[1:]) is None
     turned_over = np.concatenate([triangles[:1, ::-1], triangles[1:]])
-    assert finish(touching_solids.united(points, turned_over, STEP)) is None
+    assert finish_united(points, turned_over) is None
+
+
+@pytest.mark.parametrize("other", [(9, 0, 0, 1, 1, 1), (0, 0, 1, 1, 1, 5), (2, 2, 2, 1, 1, 1)])
+def test_no_step_is_made_for_solids_that_do_not_touch(other):
+    """They are apart, cross, or have a corner in common."""
+    points, triangles = cad_parts.arrays(cad_parts.loose(*(cad_parts.box(*each) for each in (CUBE, other))))
+    solids = Solids(*weld(points, triangles), flush.rounding(points))
+    assert not list(touching_solids.united(solids, STEP))
+
+
+def turned(points):
+    """Points in a space that is turned, scaled and moved, in single precision."""
+    return transformed(points, np.array(PARENT, float)).astype(np.float32)
+
+
+PARENT = Matrix.LocRotScale((3.3, -2.1, 1.7), Euler((0.4, 1.1, -0.7)), (1.37, 1.37, 1.37))
+
+
+@pytest.mark.parametrize(("boxes", "volume", "area"), [([BESIDE], 12.0, 36.0), ([BESIDE, FLUSH, ON_TOP], 17.0, 48.0)])
+def test_turned_solids_that_touch_become_one(boxes, volume, area):
+    """What is not along an axis is flat, and in the same place, but for rounding."""
+    points, triangles = cad_parts.arrays(cad_parts.loose(*(cad_parts.box(*each) for each in [CUBE, *boxes])))
+    source = weld(turned(points), triangles)
+    points, triangles = finish_united(*source)
+    assert np.sqrt(Surface(*source).closest(points)[2]).max() < 1e-5
+    assert enclosed_volumes(points.astype(float), triangles).sum() / 6.0 == pytest.approx(volume * 1.37**3, rel=1e-5)
+    assert face_areas(points, triangles).sum() == pytest.approx(area * 1.37**2, rel=1e-5)
+    assert (EdgeTable.of(triangles).counts == 2).all()
+
+
+def test_solids_with_slanted_sides_become_one():
+    """Their boxes cross."""
+    outlines = np.array([(0, 0), (5, 0), (2, 3)], float), np.array([(7, 3), (2, 3), (5, 0)], float)
+    prisms = cad_parts.loose(*(cad_parts.extruded([each], 0.0, 2.0) for each in outlines))
+    points, triangles = cad_parts.arrays(prisms)
+    points, triangles = finish_united(*weld(turned(points), triangles))
+    assert enclosed_volumes(points.astype(float), triangles).sum() / 6.0 == pytest.approx(30.0 * 1.37**3, rel=1e-5)
+    assert (EdgeTable.of(triangles).counts == 2).all() and len(triangles) == 12
+
+
+def test_solids_whose_boxes_touch_alone_stay():
+    """A spike that leans over a box, and ends beside it."""
+    points, triangles, _ = united(CUBE)
+    spike = np.array([(2.5, 1, 2), (0.5, 0.5, 4), (1.5, 0.5, 4), (1, 1.5, 4)], np.float32)
+    faces = np.array([(0, 2, 1), (0, 3, 2), (0, 1, 3), (1, 2, 3)]) + len(points)
+    assert finish_united(np.concatenate([points, spike]), np.concatenate([triangles, faces])) is None
+
+
+def test_lines_between_triangles_are_no_gaps_in_what_is_united():
+    """The Boolean drops triangles that are lines: of the box above, one that ends in the middle of an edge."""
+    points, triangles, _ = united(CUBE, BESIDE)
+    ends = [int(np.flatnonzero((points == (0.0, 0.0, z)).all(axis=1))[0]) for z in (0.0, 2.0)]
+    row, k = np.argwhere((triangles == ends[0]) & (np.roll(triangles, -1, axis=1) == ends[1]))[0]
+    low, high, third = np.roll(triangles[row], -k)
+    parts = [(low, len(points), third), (len(points), high, third), (low, high, len(points))]
+    points = np.concatenate([points, np.array([(0.0, 0.0, 1.0)], np.float32)])
+    points, triangles = finish_united(points, np.concatenate([np.delete(triangles, row, axis=0), parts]))
+    assert (EdgeTable.of(triangles).counts == 2).all()
+    assert face_areas(points, triangles).sum() == pytest.approx(36.0)
+
+
+def test_two_sheets_are_no_solid():
+    """A card of two sides, which are the same triangles, beside boxes that touch."""
+    points, triangles, _ = united(CUBE, BESIDE)
+    card = np.array([(9, 9, 0), (9, 9, 1), (9, 8, 0)], np.float32)
+    faces = np.array([(0, 1, 2), (0, 2, 1)]) + len(points)
+    assert finish_united(np.concatenate([points, card]), np.concatenate([triangles, faces])) is None
+
+
+def test_objects_that_touch_below_a_turned_parent_are_one_surface():
+    """A table: its legs share no edge with its top."""
+    parent = bpy.data.objects.new("parent", None)
+    bpy.context.scene.collection.objects.link(parent)
+    parent.matrix_world = PARENT
+    legs = [(x, y, 0, 1, 1, 7) for x in (0, 11) for y in (0, 7)]
+    parts = [cad_parts.box(-0.5, -0.5, -0.5, 1, 1, 1) for _ in range(5)]
+    for part, (x, y, z, *size) in zip(parts, [(0, 0, 7, 12, 8, 0.5), *legs], strict=True):
+        part.parent, part.scale = parent, size
+        part.location = np.add((x, y, z), np.divide(size, 2.0))
+    bpy.context.view_layer.update()
+    high = finish(high_surface.read(bpy.context, Job(parts[0], parts), Settings(), Timings(asset_limits.STAGES)))
+    source = next(each for each in high.sources if each.keeps_planes)
+    assert len(source.whole[1].triangles) == 60
+    area = face_areas(source.whole[0].points, source.whole[0].triangles).sum()
+    assert area == pytest.approx(324.0 * 1.37**2, rel=1e-5)
+
+
+def test_solids_that_have_a_side_in_common_become_one(monkeypatch):
+    """Two beams whose triangles between them are the same: joining vertices leaves one of each two."""
+    monkeypatch.setattr(high_surface, "remeshed", lambda *_: None)  # it takes seconds
+    boxes = cad_parts.loose(*(cad_parts.box(0, 0, z, 1, 1, 20) for z in (0, 20)))
+    high = finish(high_surface.read(bpy.context, Job(boxes, [boxes]), Settings(), Timings(asset_limits.STAGES)))
+    assert len(high.triangles) == 22
+    source = next(each for each in high.sources if each.keeps_planes)
+    assert (EdgeTable.of(source.whole[0].triangles).counts == 2).all()
+    assert face_areas(source.whole[0].points, source.whole[0].triangles).sum() == pytest.approx(162.0)
 
 
 def test_a_box_of_boards_is_made_as_one_solid():

@@ -4,13 +4,14 @@
 import numpy as np
 import pytest
 
-from addon.mesh import flips, hard_edges, polygons
+from addon.mesh import flips, flush, hard_edges, polygons
 from addon.mesh.fitting import FitOptions, fit, surface_samples
+from addon.mesh.flush import Flush
 from addon.mesh.plane_collapse import Costs, collapse_on_planes, without_needless
 from addon.mesh.planes import planes
-from addon.mesh.topology import EdgeTable
-from addon.mesh.triangles import enclosed_volumes, face_areas, face_normals, unit_normals
-from addon.mesh.welding import parted, weld
+from addon.mesh.topology import EdgeTable, components
+from addon.mesh.triangles import enclosed_volumes, face_areas, face_normals, transformed, unit_normals
+from addon.mesh.welding import WeldOptions, parted, weld, with_backs
 
 SEGMENTS = 32
 
@@ -320,6 +321,145 @@ def test_solids_that_touch_are_apart():
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 TURN *= np.sign(np.linalg.det(TURN))
 """To no axis, so that what is in one plane is so but for rounding."""
+
+
+def boxes_of(*corners_and_sizes):
+    """Boxes, from their corners and sizes (6,): points (8 N, 3) and triangles (12 N, 3), of which none are joined."""
+    corners = np.stack(np.meshgrid((0, 1), (0, 1), (0, 1), indexing="ij"), axis=-1).reshape(-1, 3)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    points = [corners * each[3:] + each[:3] for each in np.array(corners_and_sizes, float)]
+    return np.concatenate(points), np.concatenate([quads(sides) + 8 * number for number in range(len(points))])
+
+
+def solids_in(points, triangles):
+    """The volumes of the solids, in order, all of which are closed."""
+    points, triangles = parted(points, triangles)
+    assert is_closed(triangles)
+    labels, count = components(tuple(triangles.T), len(points))
+    return sorted(np.bincount(labels, enclosed_volumes(points.astype(float), triangles), count) / 6.0)
+
+
+@pytest.mark.parametrize("shift", [(0, 0, 1), (1, 0, 0)])
+def test_solids_keep_triangles_in_the_same_place(shift):
+    """Two cubes: of the sides between them, joining vertices leaves one."""
+    source = boxes_of((0, 0, 0, 1, 1, 1), (*shift, 1, 1, 1))
+    points, triangles = weld(*source)
+    assert len(triangles) == 22
+    with_both = with_backs((points.astype(np.float32), triangles), (source[0].astype(np.float32), source[1]))
+    assert np.array_equal(with_both[:22], triangles)
+    assert solids_in(points, with_both) == [1.0, 1.0]
+    assert solids_in(*weld(*source, WeldOptions(keeps_backs=True))) == [1.0, 1.0]
+    twice = source[0].astype(np.float32), np.concatenate([source[1], source[1]])
+    assert len(with_backs((points.astype(np.float32), triangles), twice)) == 24
+    assert np.array_equal(
+        with_backs((points.astype(np.float32), with_both[22:]), (source[0][:8], source[1][:12])), with_both[22:]
+    )
+
+
+CRATE = (
+    [(0, 0, z, 9, 8, 1) for z in (0, 6)] + [(x, 0, 1, 1, 8, 5) for x in (0, 8)] + [(1, y, 1, 7, 1, 5) for y in (0, 7)]
+)
+"""Six boards around an empty space, with four heights along each axis."""
+
+
+def turned_boards(rng, boards=CRATE):
+    """Boards, as corners and sizes, that are objects of their own below a parent that is turned, scaled and moved, with
+    matrices of single precision: points (V, 3) float64, and the parent's matrix (4, 4)."""
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * np.linalg.det(turn) * rng.uniform(0.2, 5.0, 3)
+    matrix[:3, 3] = rng.normal(size=3) * rng.choice([0.0, 10.0, 1000.0])
+    points = []
+    for board in np.array(boards, float):
+        own = np.diag([*board[3:], 1.0])
+        own[:3, 3] = board[:3] + 0.5 * board[3:]
+        unit_cube = boxes_of((-0.5, -0.5, -0.5, 1, 1, 1))[0]
+        points.append(transformed(unit_cube, (matrix @ own).astype(np.float32).astype(float)))
+    return np.concatenate(points), matrix
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_boards_of_their_own_touch_as_those_of_one_object(seed):
+    points, matrix = turned_boards(np.random.default_rng(seed))
+    within, triangles = flush.rounding(points), boxes_of(*CRATE)[1]
+    points = points.astype(np.float32)
+    plain, crowded = (EdgeTable.of(weld(*each)[1]).is_crowded.sum() for each in ((points, triangles), boxes_of(*CRATE)))
+    made = Flush.of(points, triangles, within)
+    assert [len(np.unique(axis)) for axis in made.points[made.triangles].reshape(-1, 3).T] == [4, 4, 4]
+    welded = weld(made.points.astype(np.float32), made.triangles, WeldOptions(keeps_backs=True))
+    assert EdgeTable.of(welded[1]).is_crowded.sum() == crowded > plain
+    volumes = np.sort(np.prod(np.array(CRATE, float)[:, 3:], axis=1)) * np.linalg.det(matrix[:3, :3])
+    assert solids_in(made.placed(welded[0]), welded[1]) == pytest.approx(volumes, rel=1e-3)
+    moved = np.linalg.norm(made.placed(made.points)[made.triangles] - points[triangles], axis=2)
+    assert moved.max() <= 3.0 * within and len(made.triangles) == len(triangles)
+
+
+def test_a_row_of_many_bricks_is_one_plane():
+    """Each of them turns its planes by rounding: far from it, these lie elsewhere."""
+    row = [(2 * number, 0, 0, 2, 1, 0.7) for number in range(60)]
+    for seed in range(5):
+        points, _ = turned_boards(np.random.default_rng(seed), row)
+        made = Flush.of(points.astype(np.float32), boxes_of(*row)[1], flush.rounding(points))
+        assert sorted(len(np.unique(axis)) for axis in made.points[made.triangles].reshape(-1, 3).T) == [2, 2, 61]
+
+
+def test_slanted_sides_touch():
+    """Of two prisms, each of which is rounded for itself: what is between them lies across no axis."""
+    rng, triangle = np.random.default_rng(4), np.array([(0, 0), (5, 0), (2, 3)], float)
+    prisms = []
+    for corners in (triangle, np.array([(7, 3), (2, 3), (5, 0)], float)):
+        low, high = (np.column_stack([corners, np.full(3, z)]) for z in (0.0, 9.0))
+        prisms.append(soup(band(low, high), (high, np.array([(0, 1, 2)])), (low, np.array([(0, 2, 1)]))))
+    points = np.concatenate([some @ TURN + rng.uniform(-1e-6, 1e-6, some.shape) for some, _ in prisms])
+    triangles = np.concatenate([prisms[0][1], prisms[1][1] + len(prisms[0][0])])
+    made = Flush.of(points.astype(np.float32), triangles, flush.rounding(points))
+    welded = weld(made.points.astype(np.float32), made.triangles, WeldOptions(keeps_backs=True))
+    assert len(welded[0]) == 8 and len(solids_in(*welded)) == 2
+
+
+@pytest.mark.parametrize("sizes", [(1, 2, 3), (3, 2, 1), (2, 3, 1)])
+def test_along_axes_the_outside_stays_outside(sizes):
+    rng, (points, triangles) = np.random.default_rng(6), boxes_of((0, 0, 0, *sizes))
+    for _ in range(30):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn *= np.linalg.det(turn)
+        made = Flush.of(points @ turn, triangles, flush.rounding(points))
+        assert volume(made.points, made.triangles) == pytest.approx(6.0)
+
+
+def test_what_is_exact_stays_to_the_bit():
+    """Beside a box that is larger, and off by rounding."""
+    points, triangles = boxes_of((0.1, 0.2, 0.3, 1, 2, 3), (5, 5, 5, 9, 9, 9))
+    points[8:] += np.random.default_rng(7).uniform(-1e-7, 1e-7, (8, 3))
+    made = Flush.of(points, triangles, flush.rounding(points))
+    assert np.array_equal(made.axes, np.eye(3)) and np.array_equal(made.triangles, triangles)
+    assert np.array_equal(made.points[:8], points[:8]) and np.array_equal(made.placed(points), points)
+
+
+def test_details_as_small_as_rounding_stay():
+    """Stairs, each step hardly lower than what is taken for rounding, and a box that is smaller than that."""
+    count, within = 50, 1e-3
+    x, z = np.repeat(np.arange(count + 1.0), 2)[1:-1], 0.9 * within * np.repeat(np.arange(count), 2)
+    points = np.concatenate([np.column_stack([x, np.full(len(x), y), z]) for y in (0.0, 1.0)])
+    here = np.arange(len(x) - 1)
+    strips = quads(np.stack([here, here + 1, here + 1 + len(x), here + len(x)], axis=1))
+    made = Flush.of(points, strips, within)
+    assert np.array_equal(made.triangles, strips) and np.array_equal(made.points, points)
+    cube = 0.5 * within
+    points, triangles = boxes_of((0, 0, 0, 1, 1, 1), (2, 2, 2, cube, cube, cube))
+    assert np.array_equal(Flush.of(points, triangles, within).triangles, triangles)
+
+
+def test_what_is_in_no_plane_stays():
+    """A box that is tilted by little, beside one along the axes, and a spike that is nearly as high as that."""
+    within = 1e-5
+    points, triangles = boxes_of((0, 0, 0, 2, 2, 1), (3, 0, 0, 1, 1, 1))
+    points[8:, 2] += 1e-4 * points[8:, 0]
+    spike = np.array([(6, 0, -1), (7, 0, -1), (6, 1, -1), (6, 0, 1.0 - 0.5 * within)])
+    points = np.concatenate([points, spike])
+    triangles = np.concatenate([triangles, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]) + 16])
+    made = Flush.of(points, triangles, within)
+    assert np.array_equal(made.axes, np.eye(3)) and np.array_equal(made.points, points)
 
 
 def with_a_line(points, triangles):

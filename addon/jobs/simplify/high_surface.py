@@ -20,7 +20,7 @@ from ...core.progress import Progress, Task, Timings, aside
 from ...core.settings import Settings
 from ...core.simplify import Candidate
 from ...engine import hidden_faces, high_look
-from ...mesh import mirrors, orientation, seen_parts, small_parts, topology
+from ...mesh import flush, mirrors, orientation, seen_parts, small_parts, topology
 from ...mesh.closest import Surface
 from ...mesh.closing import Closing
 from ...mesh.edges import is_without_area
@@ -36,6 +36,7 @@ from ..job import Job
 from . import plane_meshes
 from .low_meshes import REMESH_BIAS, DecimationSource, Source, arrays, new_mesh, remeshed, sources_of
 from .plane_meshes import MOST_BAD_EDGES
+from .touching_solids import Solids
 
 MOST_HIDDEN = 0.05
 """The share of the area that sees nothing of the outside, from which a surface is remeshed, too."""
@@ -157,8 +158,10 @@ def read(
     yield _reading(0.1)
     name, origin = job.highs[0].name, np.array(job.highs[0].matrix_world.translation, np.float64)
     count, edge = len(triangles), _edge(face_areas(points, triangles))
+    within = flush.rounding(points)
     points = (points - origin).astype(np.float32)
     mended = yield from aside(partial(_mended, points, triangles, mending, name), _reading(0.2))
+    solids = Solids.of((mended.points, mended.triangles), (points, triangles), within)
     points, triangles, samples = mended.points, mended.triangles, mended.samples
     yield _reading(0.4)
     data = new_mesh(points, triangles)
@@ -171,7 +174,7 @@ def read(
         mirroring = partial(_mirror, points, triangles, outer, mending.symmetry, name)
         mirror = yield from aside(mirroring, _reading(0.7))
     stays = yield from aside(partial(seen_parts.kept, points, triangles, is_seen), _reading(0.75))
-    sources = yield from _sources(data, stays, (samples, outer), timings, hidden=hidden, bad=mended.bad)
+    sources = yield from _sources(data, solids, stays, (samples, outer), timings, hidden=hidden, bad=mended.bad)
     loses_planes = mirror is not None and is_asked_for and any(each.keeps_planes for each in sources)
     if mirror is not None and is_asked_for:
         sources = [each.halved(mirror) for each in sources if isinstance(each, DecimationSource)]
@@ -264,6 +267,7 @@ def _mended(points: np.ndarray, triangles: np.ndarray, mending: Mending, name: s
 
 def _sources(
     data: bpy.types.Mesh,
+    solids: Solids,
     stays: np.ndarray,
     samples: tuple[Samples, Samples],
     timings: Timings,
@@ -274,7 +278,7 @@ def _sources(
     """What low meshes are made of.
 
     Args:
-        data: the whole surface.
+        data, solids: the whole surface.
         stays: (T,) bool, which triangles are not left out.
         samples: of all of it, and of what sees the outside.
         timings: as DecimationSource has them.
@@ -298,8 +302,7 @@ def _sources(
     plain, _ = result[-2:]
     bias, step = PLANES_BIAS * plain.bias, _reading(1.0)
     yield step
-    surface, with_hidden = arrays(outside), (points, triangles)
-    hard = plane_meshes.sources_of(surface, plain.samples, timings, bias=bias, with_hidden=with_hidden, step=step)
+    hard = plane_meshes.sources_of(arrays(outside), plain.samples, timings, bias=bias, solids=solids, step=step)
     return result + (yield from hard)
 
 

@@ -19,6 +19,7 @@ from ...mesh.topology import EdgeTable, edge_keys
 from ...mesh.triangles import diagonal, face_normals
 from . import low_meshes, touching_solids
 from .low_meshes import LowMesh
+from .touching_solids import Solids
 
 LEAST_SHARE = 0.3
 """The share of the area in large planes from which a surface counts as hard."""
@@ -124,7 +125,7 @@ def sources_of(
     timings: Timings,
     *,
     bias: float,
-    with_hidden: tuple[np.ndarray, np.ndarray],
+    solids: Solids,
     step: Progress,
 ) -> Task[list[PlaneSource]]:
     """A surface as a source for each of COSTS; none if it is not hard, or too many edges are bad, also of solids that touch,
@@ -134,7 +135,7 @@ def sources_of(
         surface: points (V, 3) float32 and triangles (T, 3) int.
         samples: of the surface.
         timings, bias: as PlaneSource has them.
-        with_hidden: as `surface`, with what is hidden of it.
+        solids: of the surface, with what is hidden of it.
         step: yielded while solids are united.
     """
     points, triangles = surface
@@ -144,11 +145,11 @@ def sources_of(
     if found.large_share < LEAST_SHARE:
         return []
     given, united = _HardSurface.of(points, triangles, found), None
-    one = yield from touching_solids.united(*with_hidden, step)
+    one = yield from touching_solids.united(solids, step)
     if one is not None:
         points, triangles, on_one = _shown(*one, samples)
         united = _HardSurface.of(points, triangles, planes.planes(points, triangles)) if len(triangles) else None
-    usable = [each for each in (given, united) if each is not None]
+    usable = [each for each in (united, given) if each is not None]
     if not usable:
         return []
     best = min(usable, key=lambda each: len(each.both[1].triangles))
