@@ -119,7 +119,7 @@ class Wanted:
         distance: in percent. Raises BakeError."""
         most = _number(triangles, "a number of triangles") if triangles.strip() else 0.0
         if triangles.strip() and not most >= LEAST:
-            raise BakeError(f"{triangles.strip()} triangles enclose nothing: give {LEAST} or more.")
+            raise BakeError(f"{triangles.strip()} is too few triangles, which enclose nothing: give {LEAST} or more.")
         angle = _number(degrees, "degrees") if degrees.strip() else math.inf
         percent = distance.strip().removesuffix("%")
         far = _number(percent, "a distance in percent") / 100.0 if percent else math.inf
@@ -178,7 +178,7 @@ class Wanted:
         if not self.distance > 0.0:
             raise BakeError(f"{100.0 * self.distance:g} % of the size cannot be a limit: give a number above 0.")
         if self.triangles and self.triangles < LEAST:
-            raise BakeError(f"{self.triangles} triangles enclose nothing: give {LEAST} or more.")
+            raise BakeError(f"{self.triangles} is too few triangles, which enclose nothing: give {LEAST} or more.")
         if not self.triangles and self.has_count:
             raise BakeError("No limit is set: give degrees, a distance, or a number of triangles.")
         if not 0 <= self.levels <= MOST_LEVELS:

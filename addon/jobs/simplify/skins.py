@@ -77,7 +77,7 @@ class Skin:
         if not self.layers:
             return []
         names = shorten_list(map(repr, sorted(self.layers)))
-        text = f"{names} only move the surface up and down, as layers of detail do: these shape keys are part of the low mesh. "
+        text = f"Shape keys that only move the surface up and down, as layers of detail do, are part of the low mesh: {names}. "
         return [Sentence(text + "Set them to 0 to have them as its shape keys.", NOTE)]
 
     @contextmanager
@@ -142,7 +142,9 @@ class Skin:
 
         Returns sentences of what low objects cannot have.
         """
-        if len(self.rigs) > 1 or not lows:
+        if not lows:  # nothing was made that could lack anything
+            return []
+        if len(self.rigs) > 1:
             return self.notes
         highs, notes, found = [ref.resolve() for ref in self.refs], [], None
         look = partial(evaluation.evaluate, context, highs, modifiers=self.modifiers)
