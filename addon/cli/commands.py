@@ -209,7 +209,7 @@ ASSET = Command(
                 str(HOLES),
             ),
             "symmetry": CommandOption(
-                "Make the low mesh equal to its mirror image along an axis; auto if the high mesh does",
+                "Make the low mesh equal to its mirror image along an axis of the world; auto if the high mesh does",
                 {"choices": [each.value.lower() for each in Symmetry], "default": "auto"},
                 "auto",
             ),

@@ -804,7 +804,7 @@ def test_an_asset_is_symmetric_only_where_that_is_asked_for_or_measured():
     assert len(np.unique(np.abs(mesh_reader.points(low.data)[:, 0]))) > 0.6 * len(low.data.vertices)
     report, _ = made([stump(dent=0.05)], Wanted(triangles=60))
     assert "symmetry" not in report.asset
-    with pytest.raises(BakeError, match="is not its own mirror image along Z"):
+    with pytest.raises(BakeError, match="is not its own mirror image along Z of the world"):
         made([stump()], Wanted(triangles=60, mending=Mending(symmetry=Symmetry.Z)))
 
 

@@ -127,7 +127,7 @@ ASSET: dict[str, Setting] = {
     ),
     "asset_symmetry": Choice(
         label="Symmetry",
-        tooltip="Make the low mesh equal its mirror image",
+        tooltip="Make the low mesh equal its mirror image along an axis of the world",
         default=Symmetry.AUTO,
         items=(
             Item(Symmetry.AUTO, "Auto", "If the high mesh does and it looks no worse"),

@@ -311,7 +311,9 @@ def _mirror(points: np.ndarray, triangles: np.ndarray, outer: Samples, symmetry:
     axes = symmetry.axes
     plane = mirrors.plane_of(points, triangles, outer, axes) if axes else None
     if plane is None and len(axes) == 1:
-        raise BakeError(f"{name!r} is not its own mirror image along {symmetry}: choose another axis, or no symmetry.")
+        raise BakeError(
+            f"{name!r} is not its own mirror image along {symmetry} of the world: turn it, choose another axis, or none."
+        )
     return plane
 
 
