@@ -10,8 +10,10 @@
 // Whether the high mesh shows a back face on a pixel or one beside it.
 bool shows_back(ivec2 pixel)
 {
+  ivec2 last = texel_size(seen_high) - 1;
   for (int i = 0; i < 9; i++) {
-    if (seen_is_back(texel_at(seen_high, pixel + ivec2(i % 3, i / 3) - 1).a)) {
+    ivec2 beside = clamp(pixel + ivec2(i % 3, i / 3) - 1, ivec2(0), last);
+    if (seen_is_back(texel_at(seen_high, beside).a)) {
       return true;
     }
   }
